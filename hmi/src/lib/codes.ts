@@ -103,6 +103,7 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'SYS-09': {"title": "程序故障", "message": "扫描 {scan} 中 {failure}（t = {time_s:.3f} s）：{text}（{place}）", "cause": "自定义程序或 gantryctl 有故障。", "to_do": "修正程序或报告；然后复位。"},
   'SYS-10': {"title": "上电未完成", "message": "上电未在 {limit:g} s 内完成，轴为 {state}", "cause": "自定义程序在操作员要求时没有接通动力。", "to_do": "以操作员的 `power` 调用 Power 块；然后复位。"},
   'SYS-11': {"title": "控制器无应答", "message": "{reason}", "cause": "控制器正在启动、已结束，或其指令队列已满。", "to_do": "等待；若持续，请查看日志。"},
+  'SYS-13': {"title": "程序文件被更改", "message": "与安装时不符的文件：{count} 个，其中 {files}", "cause": "磁盘故障、直接修改了安装的文件，或有人更改了程序。服务不启动。", "to_do": "查明原因，然后重新安装（`pip install --force-reinstall`）。自己的机器文件和程序应放在安装目录之外。"},
   'SEC-01': {"title": "无权执行", "message": "{reason}", "cause": "该角色无权执行，或未登录。", "to_do": "以有权的角色登录。"},
   'SEC-02': {"title": "过旧", "message": "状态帧 {frame} 落后 {behind} 帧，最多 {limit}", "cause": "发出指令的屏幕显示的是旧状态。", "to_do": "查看屏幕，然后重新发出指令。"},
   'SEC-03': {"title": "属于另一时期", "message": "发送于最近一次停止、复位或控制权变更之前：请查看后重新发出", "cause": "停止、复位或控制权变更使此前发出的一切失效。", "to_do": "查看屏幕，然后重新发出指令。"},

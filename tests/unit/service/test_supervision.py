@@ -171,7 +171,7 @@ def test_a_first_process_whose_local_socket_is_mute_ends_the_service_in_order(
 
     monkeypatch.setattr(Hub, "run", fail)
     monkeypatch.setattr(Hub, "fresh", True)
-    options = Options(RetentionPolicy(), list, second_person=False, users=Users(tmp_path))
+    options = Options(RetentionPolicy(), list, second_person=False, users=Users(tmp_path), self_test={})
     supervisor = Supervisor(default_machine(), tmp_path, tmp_path, None, -1, None, lambda _: None, options)
     supervisor.controller = Child("controller", SLEEPER, [], critical=True)
     supervisor.recorder = Child("recorder", SLEEPER, [])

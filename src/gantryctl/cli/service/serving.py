@@ -82,6 +82,7 @@ def run_service(
             lambda: certificate_files(page, store.directory if opcua else None),
             second_person,
             Users(root),
+            {check.name: check.text for check in checks},
             None if bus_log is None else bus_log.resolve(),
         ),
     )

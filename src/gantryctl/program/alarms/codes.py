@@ -156,6 +156,7 @@ class Code(StrEnum):
     SYS_09 = "SYS-09"
     SYS_10 = "SYS-10"
     SYS_11 = "SYS-11"
+    SYS_13 = "SYS-13"
     SEC_01 = "SEC-01"
     SEC_02 = "SEC-02"
     SEC_03 = "SEC-03"

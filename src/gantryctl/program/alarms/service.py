@@ -75,6 +75,17 @@ SERVICE: Final = (
              "Wait; if it lasts, look at the journal."),
         Text("控制器无应答", "{reason}", "控制器正在启动、已结束，或其指令队列已满。", "等待；若持续，请查看日志。"),
     ),
+    # Not a warning to be accepted: the code that would ask, and stop the axis, is the one in doubt.
+    Definition(
+        Code.SYS_13, _REFUSED, _REF,
+        Text("Program files changed", "files that are not as they were installed: {count}, among them {files}",
+             "A fault of the disk, an edit in place, or somebody changed the program. The service does not start.",
+             "Find out why, then install the release again (`pip install --force-reinstall`). Machine files and "
+             "programs of your own belong outside the installation."),
+        Text("程序文件被更改", "与安装时不符的文件：{count} 个，其中 {files}",
+             "磁盘故障、直接修改了安装的文件，或有人更改了程序。服务不启动。",
+             "查明原因，然后重新安装（`pip install --force-reinstall`）。自己的机器文件和程序应放在安装目录之外。"),
+    ),
     Definition(
         Code.SEC_01, _REFUSED, _REF,
         Text("Not permitted", "{reason}",

@@ -7,7 +7,7 @@ import secrets
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -40,6 +40,7 @@ class Options(NamedTuple):
         certificates: lists the files whose end is watched.
         second_person: what one user arms, another one executes.
         users: their changes go into the journal.
+        self_test: what its checks found, by their names, for the journal.
         bus_log: file of all frames of the bus, None for none.
     """
 
@@ -47,6 +48,7 @@ class Options(NamedTuple):
     certificates: Callable[[], list[Path]]
     second_person: bool
     users: Users
+    self_test: Mapping[str, str]
     bus_log: Path | None = None
 
 
@@ -114,6 +116,7 @@ class Supervisor:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, ended.set)
+        self.hub.events.put("service", "self-test", None, **self._options.self_test)
         server = LocalServer(self._directory, self.hub)
         keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
         own = [asyncio.create_task(work) for work in (self.hub.run(), self._watch(), ended.wait())]

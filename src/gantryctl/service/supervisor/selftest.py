@@ -7,20 +7,27 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import gantryctl
 from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation.store import StateStore
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
 from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.recorder.journal import verify
 from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.retention import MB, RetentionPolicy, free_of
+from gantryctl.service.supervisor.installed import check_installed
 from gantryctl.service.supervisor.private_files import exposed
 from gantryctl.service.supervisor.users import Users
 
 _NEWEST: Final = 100_000
+# Names of changed files in a message; it says how many there are.
+_NAMED: Final = 3
 
 
 class Check(NamedTuple):
@@ -37,6 +44,7 @@ def self_test(
 ) -> list[Check]:
     """Run all checks, also after a failed one; `secrets` are the files that nobody else may read."""
     checks: dict[str, Callable[[], tuple[bool, str]]] = {
+        "installed files": _installed,
         "shared memory": _memory,
         "clock": _clock,
         "state": partial(_state, machine, store),
@@ -54,6 +62,18 @@ def self_test(
         # A damaged journal does not stop the start: it is moved aside, and motion waits for service.
         found.append(Check(name, ok, text, vital=name != "journal"))
     return found
+
+
+def _installed() -> tuple[bool, str]:
+    """Compare the program's files with what was installed: 35 to 80 ms for 727 files, here and at no other command."""
+    found = check_installed(distribution("gantryctl"), Path(gantryctl.__file__).parent)
+    if found is None:
+        return True, "sources or an editable install: nothing to compare with"
+    if found.changed:
+        names = ", ".join(found.changed[:_NAMED])
+        # No person may accept it: the code that would ask is the one in doubt (decision 0020).
+        return False, refusal(Code.SYS_13, count=len(found.changed), files=names).line
+    return True, f"{found.checked} files as installed"
 
 
 def _memory() -> tuple[bool, str]:

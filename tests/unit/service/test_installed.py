@@ -1,0 +1,129 @@
+"""Files of the program that are not as they were installed: noticed, and the service does not start."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import Distribution
+from pathlib import Path
+
+import pytest
+
+import gantryctl
+from gantryctl.errors import StateError
+from gantryctl.service.supervisor.installed import InstalledFiles, check_installed
+
+SOURCES = Path(gantryctl.__file__).parent
+# One extension name that this Python finds before `x.py`, whatever its version.
+EXTENSION = "x.abi3.so"
+
+
+def record(site: Path, package: str) -> Distribution:
+    """Write the dist-info of everything below `site`, as an installer does."""
+    info = site / f"{package}-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1\n")
+    lines = []
+    for path in sorted(site.rglob("*")):
+        if path.is_file():
+            digest = (
+                base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).rstrip(b"=").decode()
+            )
+            lines.append(f"{path.relative_to(site)},sha256={digest},{path.stat().st_size}")
+    lines += [f"{package}/__pycache__/__init__.cpython-311.pyc,,", f"{info.name}/RECORD,,"]
+    (info / "RECORD").write_text("\n".join(lines) + "\n")
+    return Distribution.at(info)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    for name in ("__init__.py", "x.py", "room/__init__.py", "room/y.py", "page/z.js"):
+        path = tmp_path / "site" / "house" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"# {name}\n")
+    return tmp_path / "site"
+
+
+def found(site: Path) -> InstalledFiles | None:
+    return check_installed(record(site, "house"), site / "house")
+
+
+def test_what_was_installed_is_as_it_was_installed(site: Path) -> None:
+    installed = record(site, "house")
+    # What Python, an editor and a person leave there does not run.
+    (site / "house" / "__pycache__").mkdir()
+    (site / "house" / "__pycache__" / "x.cpython-311.pyc").write_bytes(b"x")
+    (site / "house" / "x.py~").write_text("old")
+    (site / "house" / "notes.txt").write_text("mine")
+    assert check_installed(installed, site / "house") == InstalledFiles(6, ())
+
+
+def _flip(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda house: _flip(house / "x.py"), "house/x.py"),
+        (lambda house: _flip(house / "page" / "z.js"), "house/page/z.js"),
+        (lambda house: (house / "room" / "y.py").unlink(), "house/room/y.py"),
+        (lambda house: (house / "x.py").write_text(""), "house/x.py"),
+        (lambda house: (house / "room" / "new.py").write_text("import os\n"), "house/room/new.py"),
+        (lambda house: (house / EXTENSION).write_bytes(b"x"), f"house/{EXTENSION}"),
+        (lambda house: (house / "y.pyc").write_bytes(b"x"), "house/y.pyc"),  # without a source it is a module
+    ],
+)
+def test_any_change_is_named(site: Path, change: Callable[[Path], object], named: str) -> None:
+    installed = record(site, "house")
+    change(site / "house")
+    result = check_installed(installed, site / "house")
+    assert result is not None
+    assert result.changed == (named,)
+
+
+def test_without_hashes_of_what_runs_there_is_nothing_to_compare_with(site: Path, tmp_path: Path) -> None:
+    installed = record(site, "house")
+    copy = tmp_path / "sources" / "house"
+    shutil.copytree(site / "house", copy)
+    assert check_installed(installed, copy) is None
+    (site / "house-1.dist-info" / "RECORD").unlink()
+    assert check_installed(installed, site / "house") is None
+
+
+def run_of(site: Path, state: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with what is installed below `site`."""
+    return subprocess.run(
+        [sys.executable, *command],
+        check=False,
+        cwd=state,
+        env={**os.environ, "PYTHONPATH": str(site), "GANTRYCTL_STATE": str(state)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def test_one_changed_byte_of_an_installed_program_keeps_the_service_from_starting(tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    shutil.copytree(SOURCES, site / "gantryctl")
+    record(site, "gantryctl")
+    check = "from gantryctl.service.supervisor.selftest import _installed; print(*_installed())"
+    whole = run_of(site, tmp_path, "-c", check)
+    assert whole.stdout.startswith("True "), whole.stderr
+    assert whole.stdout.endswith(" files as installed\n")
+    # A law that nothing imports before the service runs: without the check, it would move the axis.
+    _flip(site / "gantryctl" / "program" / "virtual_axis.py")
+    refused = run_of(site, tmp_path, "-m", "gantryctl", "serve", "--no-page")
+    said = "SYS-13 files that are not as they were installed: 1, among them gantryctl/program/virtual_axis.py"
+    assert f"warning: installed files: {said}\n" in refused.stderr
+    assert "the self-test failed: the service does not start" in refused.stderr
+    assert refused.returncode == StateError.exit_code
+    assert "in service" not in refused.stdout
