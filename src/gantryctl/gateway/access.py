@@ -19,7 +19,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
-from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role, may, rights_of
 from gantryctl.service.supervisor.users import PASSWORD_MAX, User, Users
 
@@ -52,8 +52,13 @@ class Access:
         if session is None:
             return error(401, refusal(Code.SEC_01, reason=Words.LOG_IN_FIRST))
         if not may(session.role, action):
-            reason = Words.ROLE_MAY_NOT(role=session.role, action=action)
-            return error(403, refusal(Code.SEC_01, reason=reason))
+            forbidden = MessageRefused(
+                Code.SEC_01, reason=Words.ROLE_MAY_NOT(role=session.role, action=action)
+            )
+            who = Identity("", session.user, session.role, self.place(request))
+            asked = f"{request.method} {request.url.path}"
+            self.hub.refusals.put_text(who, "read", asked, action, forbidden)
+            return error(403, forbidden.refusal)
         self.sessions.use(session)
         return None
 

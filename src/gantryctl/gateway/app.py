@@ -46,6 +46,7 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
         # A lease must not outlive the gateway that renews it.
         for client in hub.clients():
             hub.leave(client)
+        hub.refusals.close()
         for task in tasks:
             task.cancel()
 

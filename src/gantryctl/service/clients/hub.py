@@ -20,6 +20,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.commit_wait import CommitWait
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.memory.refusals import RefusalLog
 from gantryctl.service.memory.snapshot import Snapshot
 from gantryctl.service.protocol import limits, messages
 from gantryctl.service.protocol.messages import SILENT, Identity, MessageRefused, compact
@@ -71,7 +72,7 @@ class Client:
         """
         if self._all.wait_s() > 0.0:
             raise Flooded
-        seq = 0
+        seq, message = 0, None
         try:
             message = messages.parse(text)
             seq = message.seq
@@ -90,6 +91,7 @@ class Client:
             if not self._hub.send(self.who, raw):
                 raise MessageRefused(Code.SYS_11, reason=Words.NO_COMMANDS_NOW)
         except MessageRefused as refused:
+            self._hub.refusals.put(self.who, message, refused)
             self.answer(messages.reply_to(seq or refused.seq, refused))
             return
         if message.kind not in SILENT:
@@ -138,13 +140,14 @@ class Hub:
 
     Attributes:
         tick: number of the newest snapshot. slow_version: of the tags that are sent on change.
-        events: journal events of this source.
+        events: journal events of this source. refusals: those of refused commands.
     """
 
     def __init__(self, memory: SharedMemory, source: Source) -> None:
         self._memory, self._source = memory, source
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
+        self.refusals = RefusalLog(self.events)
         self._snapshot = Snapshot(memory)
         self._commits = CommitWait(memory.events[Source.CONTROLLER])
         self._clients: dict[str, Client] = {}
@@ -273,6 +276,7 @@ class Hub:
         due_s = loop.time()
         while True:
             self.look()
+            self.refusals.look()
             due_s = max(due_s + limits.FRAME_S, loop.time())
             await asyncio.sleep(due_s - loop.time())
 

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog, printable
+from gantryctl.service.memory.refusals import RefusalLog, in_words, kind_of
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol import messages
 from gantryctl.service.protocol.messages import SILENT, Identity, Message, MessageRefused, compact
@@ -22,7 +23,6 @@ OF_CLIENT: Final = 16
 OF_SOURCE: Final = 128
 # Decision 0011: stops are judged first and never refused; they carry no age and no epoch that could be wrong.
 _FIRST: Final = ("stop", "quick_stop", "release")
-_KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
 
 
 class PendingCommand(NamedTuple):
@@ -104,6 +104,7 @@ class Inbox:
         self.others = CommandQueue()
         self.gone: deque[Gone] = deque()
         self.time_s = 0.0
+        self.refusals = RefusalLog(events, lambda: self.time_s)
         self._commands, self._replies = commands, replies
         self._last_seq: OrderedDict[str, int] = OrderedDict()
 
@@ -132,7 +133,8 @@ class Inbox:
         try:
             message = messages.checked(raw)
         except MessageRefused as refused:
-            self._reply(source, who, raw.get("seq"), refused, 0, epoch)
+            number = self.refusals.put(who, None, refused, {"time_s": self.time_s})
+            self._reply(source, who, raw.get("seq"), refused, number, epoch)
             return
         pending = PendingCommand(source, who, message)
         if message.kind in _FIRST:
@@ -142,8 +144,7 @@ class Inbox:
                 dead = MessageRefused(Code.SEC_09, reason=Words.LEASE_DEAD(why=Words.LEASE_ENDED))
                 self._reply(source, who, message.seq, dead, 0, epoch)
         elif not self.others.append(pending):
-            full = MessageRefused(Code.SEC_06, reason=Words.NO_COMMANDS_NOW)
-            self._reply(source, who, message.seq, full, 0, epoch)
+            self.answer(pending, MessageRefused(Code.SEC_06, reason=Words.NO_COMMANDS_NOW), epoch)
 
     def check_sequence(self, pending: PendingCommand) -> None:
         """Refuse a number that a connection used before: a repeated command is not a new one."""
@@ -157,10 +158,15 @@ class Inbox:
 
     def answer(self, pending: PendingCommand, refused: MessageRefused | None, epoch: int) -> None:
         """Reply to a command and journal it; signs of life get neither while all is well."""
-        silent = pending.message.kind in SILENT
-        number = 0 if silent else self._event(pending, refused)
-        if refused is not None or not silent:
-            self._reply(pending.source, pending.who, pending.message.seq, refused, number, epoch)
+        source, who, message = pending
+        silent, number = message.kind in SILENT, 0
+        if silent and refused is None:
+            return
+        if refused is None:
+            number = self._event(pending)
+        elif not silent:
+            number = self.refusals.put(who, message, refused, {**_values(message), "time_s": self.time_s})
+        self._reply(source, who, message.seq, refused, number, epoch)
 
     def answer_all(self, together: Sequence[PendingCommand], epoch: int) -> None:
         """Reply to each of the stops of one scan, and journal one event for each user."""
@@ -169,21 +175,16 @@ class Inbox:
         for each in together:
             of_user.setdefault(each.who.user, []).append(each)
         for same in of_user.values():
-            number = self._event(same[0], None, **({"count": len(same)} if len(same) > 1 else {}))
+            number = self._event(same[0], **({"count": len(same)} if len(same) > 1 else {}))
             for each in same:
                 self._reply(each.source, each.who, each.message.seq, None, number, epoch)
 
-    def _event(self, pending: PendingCommand, refused: MessageRefused | None, **more: int) -> int:
-        """Journal a command; the number of its event."""
+    def _event(self, pending: PendingCommand, **more: int) -> int:
+        """Journal a command that was carried out; the number of its event."""
         # With the time of its scan, so that a run can be replayed from state and journal (decision 0011).
         message = pending.message
-        outcome = "done" if refused is None else f"refused: {refused.refusal.code} {refused}"
-        values = {name: value for name, value in message.values.items() if name != "lease"}
-        words = [str(value) for name, value in values.items() if name != "before"]
-        words += [f"(before: {values['before']:g})"] if "before" in values else []
-        asked = " ".join([message.kind, *words])
-        kind = _KINDS.get(message.kind, "command")
-        return self.events.put(kind, f"{asked}: {outcome}", pending.who, **values, **more, time_s=self.time_s)
+        values = {**_values(message), **more, "time_s": self.time_s}
+        return self.events.put(kind_of(message), f"{in_words(message)}: done", pending.who, **values)
 
     def _reply(
         self, source: int, who: Identity, seq: Any, refused: MessageRefused | None, number: int, epoch: int
@@ -196,3 +197,8 @@ class Inbox:
         if len(record) > ring.record_max:
             record = compact([who.client, {**reply, "values": {}}]).encode()
         ring.put(record)
+
+
+def _values(message: Message) -> dict[str, Any]:
+    """Values of the event of a command: a lease is the secret of its press."""
+    return {name: value for name, value in message.values.items() if name != "lease"}

@@ -64,7 +64,7 @@ class ServiceOperator:
         second_person: bool = False,
     ) -> None:
         self.program, self._inbox, self.permit = program, inbox, permit
-        self.events, self._acknowledge = inbox.events, acknowledge
+        self.events, self.refusals, self._acknowledge = inbox.events, inbox.refusals, acknowledge
         # Nine digits: 6 deg/s comes back from radians as 6.
         in_force = round(deg(program.axis.settings.speed.setting_max_rad_s), 9)
         self.ranges = rules.setting_ranges(machine, min(machine.speed.setting_max_deg_s, in_force))
@@ -95,6 +95,7 @@ class ServiceOperator:
         # Ended connections and stops come before commands: none of them may wait behind a queue.
         while inbox.gone:
             self._end_connection(inbox.gone.popleft())
+        self.refusals.look()
         self._watch(now_s)
         for together in inbox.first.values():
             self._stop_now(together)

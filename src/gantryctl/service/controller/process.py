@@ -234,6 +234,7 @@ class Controller:
             self.retainer.finish(failure)
             self._recorder.stop()
             self._report_write_faults()
+            self.operator.refusals.close()
             self.events.put("service", self._ended(failure is None))
             self.memory.words[Word.CONTROLLER_CLEAN] = failure is None
 

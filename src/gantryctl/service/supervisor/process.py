@@ -184,5 +184,6 @@ class Supervisor:
         await self.controller.end(_CONTROLLER_END_S)
         for child in viewers:
             await child.end(_END_S)
+        self.hub.refusals.close()
         await self.recorder.end(_END_S)
         self.memory.close()
