@@ -163,6 +163,11 @@ def _listener(page: Listen, root: Path) -> socket.socket:
         )[0]
         # A crowd of local clients must not keep a page waiting for the next attempt of its SYN, a second later.
         return socket.create_server(address[:2], family=family, backlog=1024)
+    except PermissionError as fault:
+        raise UsageError(
+            f"--listen {page.address}: ports below 1024 need the capability CAP_NET_BIND_SERVICE, which "
+            f"packaging/gantryctl.service grants; without it use {host}:8650, for example"
+        ) from fault
     except OSError as fault:
         raise UsageError(
             f"--listen {page.address}: {fault.strerror or fault}; a free port: {host}:0"
