@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pwd
 import signal
 import subprocess
 import sys
@@ -11,9 +12,13 @@ from collections.abc import Iterator
 
 import pytest
 
+from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import read_journal
-from support.service_process import Page, Service, add_users
+from gantryctl.service.supervisor.users import Users
+from support.service_process import PASSWORD, Page, Service, add_users
 
+HERE = pwd.getpwuid(os.getuid()).pw_name
+"""The account of the system that runs the command line of these tests."""
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 
 
@@ -106,6 +111,8 @@ def test_the_command_line_tests_resets_and_shows_what_the_service_knows(service:
 def for_two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     root = tmp_path_factory.mktemp("two")
     add_users(root)
+    Users(root).add("twin", Role.SERVICE, PASSWORD, "physicist")
+    Users(root).add(HERE, Role.VIEWER, PASSWORD, "console")
     with Service(root, "--second-person") as made:
         yield made
 
@@ -123,6 +130,25 @@ def test_one_arms_and_another_one_executes(for_two: Service) -> None:
         second.do("stop")
 
 
+def test_two_accounts_of_one_person_are_one_person(for_two: Service) -> None:
+    with for_two.page("physicist") as first, for_two.page("twin") as second:
+        first.do("take", over=False)
+        second.until(lambda tags: tags["authority_user"] == "physicist")
+        second.do("arm", action="brake_test")
+        first.until(lambda tags: (tags["armed_by"], tags["armed_person"]) == ("twin", "physicist"))
+        assert first.welcome["person"] == second.welcome["person"] == "physicist"
+        assert first.refused("brake_test") == "SEC-10"
+
+
+def test_an_account_of_the_system_that_is_nobodys_is_no_person(for_two: Service) -> None:
+    users = Users(for_two.root)
+    users.remove(HERE)
+    done = command(for_two, "arm", "brake-test")
+    assert done.returncode == 2
+    assert f"SEC-10 · two persons are needed, and nobody knows whose account {HERE} is" in done.stderr
+    users.add(HERE, Role.VIEWER, PASSWORD, "console")
+
+
 def test_the_console_waits_for_somebody_else_to_arm(for_two: Service) -> None:
     with for_two.page("physicist") as first:
         asking = start(for_two, "brake-test", "--service", "--yes", "--json")
@@ -131,7 +157,7 @@ def test_the_console_waits_for_somebody_else_to_arm(for_two: Service) -> None:
         first.until(lambda _: asking.poll() is not None)
         out, err = asking.communicate()
     assert (asking.returncode, json.loads(out)["result"]) == (0, "passed")
-    assert "another user must arm it now" in err
+    assert "another person must arm it now" in err
 
 
 def test_the_console_arms_for_somebody_else(for_two: Service) -> None:

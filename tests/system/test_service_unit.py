@@ -16,16 +16,14 @@ UNIT = Path(__file__).parents[2] / "packaging" / "gantryctl.service"
 PORT = "127.0.0.1:443"
 # A network of its own, where port 443 is free and no sysctl of this machine counts; then only the capabilities named.
 ALONE = (
-    'ip link set lo up && exec setpriv --securebits=+noroot,+no_setuid_fixup '
+    "ip link set lo up && exec setpriv --securebits=+noroot,+no_setuid_fixup "
     '--inh-caps="-all$0" --ambient-caps="-all$0" --bounding-set="-all$0" "$@"'
 )
 
 
 def granted(key: str) -> list[str]:
     """Capabilities in one line of the unit."""
-    (line,) = [
-        line for line in UNIT.read_text(encoding="utf-8").splitlines() if line.startswith(f"{key}=")
-    ]
+    (line,) = [line for line in UNIT.read_text(encoding="utf-8").splitlines() if line.startswith(f"{key}=")]
     return [name.removeprefix("CAP_").lower() for name in line.partition("=")[2].split()]
 
 
@@ -35,7 +33,9 @@ def served(root: Path, capabilities: list[str]) -> tuple[str, str]:
     names = "".join(f",+{name}" for name in capabilities)
     command = [*private, "sh", "-c", ALONE, names]
     if subprocess.run([*command, "true"], capture_output=True, check=False).returncode:
-        pytest.skip("no network of its own here: it needs unshare, ip and setpriv, and root or user namespaces")
+        pytest.skip(
+            "no network of its own here: it needs unshare, ip and setpriv, and root or user namespaces"
+        )
     serve = ["-P", "-m", "gantryctl", "serve", "--listen", PORT]
     environment = {**os.environ, "GANTRYCTL_STATE": str(root), "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(

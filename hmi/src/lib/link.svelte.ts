@@ -136,7 +136,8 @@ class Link {
   #receive(message: Welcome | Status | Reply): void {
     if (message.type === 'welcome') {
       this.welcome = message;
-      this.session = { user: message.user, role: message.role, may: message.may };
+      const { user, person, role, may } = message;
+      this.session = { user, person, role, may };
       this.tags = {};
       this.#lateness = new Lateness();
       this.open = true;

@@ -3,6 +3,8 @@ import type { Action, Role, Tags, Values } from './tables';
 
 export interface Session {
   user: string;
+  /** Whose account it is. */
+  person: string;
   role: Role;
   may: Action[];
 }

@@ -208,11 +208,13 @@ export interface Tags {
   armed_action: 'none' | 'brake_test' | 'reset_locked' | null;
   /** User who armed it; empty with nothing armed. */
   armed_by: string | null;
+  /** Person whose account that is; empty with nothing armed. */
+  armed_person: string | null;
   /** Client id of the user who armed it. */
   armed_client: string | null;
   /** Time until the arming ends; 0 with nothing armed. [s] */
   armed_left_s: number | null;
-  /** Another user than the one who armed must execute. */
+  /** Another person than the one who armed must execute. */
   second_person: boolean | null;
   /** A reset now meets something locked: it needs the service role, and `arm` first. */
   reset_locked: boolean | null;

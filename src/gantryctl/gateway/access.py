@@ -132,5 +132,10 @@ class Access:
 
 
 def person(session: Session) -> dict[str, object]:
-    """User, role and permitted actions of a session."""
-    return {"user": session.user, "role": str(session.role), "may": rights_of(session.role)}
+    """User, person, role and permitted actions of a session."""
+    return {
+        "user": session.user,
+        "person": session.person,
+        "role": str(session.role),
+        "may": rights_of(session.role),
+    }

@@ -54,7 +54,7 @@ class Live:
             place.leave()
 
     async def _run(self, socket: WebSocket, session: Session) -> None:
-        client = self._hub.connect(session.user, session.role, self._access.place(socket))
+        client = self._hub.connect(session.user, session.role, self._access.place(socket), session.person)
         self._log(client, "connected")
         both_ways = (self._receive(socket, client), self._send(socket, client, session))
         tasks = [asyncio.create_task(way) for way in both_ways]

@@ -31,12 +31,13 @@ class Session:
 
     Attributes:
         key: the password's key at login: another password ends the session. used_s: last request of its user.
-        peer: who has logged in, as limits know it.
+        person: whose account it is. peer: who has logged in, as limits know it.
     """
 
     token: str
     user: str
     role: Role
+    person: str
     key: str
     peer: str
     since_s: float
@@ -62,7 +63,9 @@ class Sessions:
             count = Counter(each.peer for each in own)
             count[peer] += 1
             self.close(min(own, key=lambda each: (-count[each.peer], each.used_s)))
-        session = Session(secrets.token_hex(16), user.name, user.role, user.key, peer, now_s, now_s)
+        session = Session(
+            secrets.token_hex(16), user.name, user.role, user.person, user.key, peer, now_s, now_s
+        )
         self._sessions[session.token] = session
         return session
 
@@ -72,7 +75,7 @@ class Sessions:
         return session if session is not None and self.lives(session) else None
 
     def lives(self, session: Session) -> bool:
-        """Whether a session is in time and not closed, its user and role unchanged."""
+        """Whether a session is in time and not closed, its user, role and person unchanged."""
         now_s = self._now()
         user = self._user(session.user)
         alive = (
@@ -80,7 +83,7 @@ class Sessions:
             and now_s - session.used_s < IDLE_S
             and now_s - session.since_s < WHOLE_S
             and user is not None
-            and (user.role, user.key) == (session.role, session.key)
+            and (user.role, user.person, user.key) == (session.role, session.person, session.key)
         )
         if not alive:
             self.close(session)

@@ -137,10 +137,10 @@ def test_a_worn_brake_is_found_and_two_persons_unlock_it(browser: Browser, worn:
             first, second = enter(one, worn, "service"), enter(other, worn, "colleague")
             ready(first, watcher)
             expect(key(first, "2 · Execute test")).to_have_attribute(
-                "title", "Another user must arm it first."
+                "title", "Another person must arm it first."
             )
             key(first, "1 · Arm test").click()
-            expect(panel(first)).to_contain_text("You armed it: another user must execute it.")
+            expect(panel(first)).to_contain_text("You armed it: another person must execute it.")
             key(second, "1 · Arm test").click()
             expect(panel(first)).to_contain_text("Armed by colleague.")
             key(first, "2 · Execute test").click()

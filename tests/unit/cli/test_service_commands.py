@@ -31,7 +31,13 @@ def test_users_are_added_listed_changed_and_removed(monkeypatch: pytest.MonkeyPa
     typing(monkeypatch, PASSWORD + "\n")
     assert done("user", "add", "anna", "--role", "operator").out == "user anna may log in as operator\n"
     rows = done("user", "list", "--json").json
-    assert [(row["name"], row["role"]) for row in rows] == [("anna", "operator")]
+    assert [(row["name"], row["role"], row["person"]) for row in rows] == [("anna", "operator", "anna")]
+    assert done("user", "person", "anna", "bela").out == "user anna is an account of bela\n"
+    assert " bela " in done("user", "list").out
+    assert "there is no user" in refused("user", "person", "carl", "bela")
+    typing(monkeypatch, PASSWORD + "\n")
+    done("user", "add", "anna.service", "--role", "service", "--person", "bela")
+    done("user", "remove", "anna.service")
     typing(monkeypatch, PASSWORD + "!\n")
     done("user", "passwd", "anna")
     typing(monkeypatch, "short\n")

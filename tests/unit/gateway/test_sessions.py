@@ -52,6 +52,7 @@ def test_another_password_another_role_or_no_user_end_the_session(tmp_path: Path
     changes = (
         lambda: users.set_password("anna", PASSWORD + "!"),
         lambda: (users.remove("anna"), users.add("anna", Role.SERVICE, PASSWORD)),
+        lambda: users.set_person("anna", "bela"),
         lambda: users.remove("anna"),
     )
     for change in changes:

@@ -9,8 +9,10 @@ from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
 
-ANNA, BELA = (Identity(name, name, Role.SERVICE, "loopback") for name in ("anna", "bela"))
+ANNA, BELA = (Identity(name, name, Role.SERVICE, "loopback", name) for name in ("anna", "bela"))
 ANNA_ELSEWHERE = ANNA._replace(client="other")
+# Another account of Anna's, and one of the system that is nobody's in particular.
+ANNAS, NOBODYS = BELA._replace(person="anna"), BELA._replace(user="root", person="")
 TEST, LOCKED = Action.BRAKE_TEST, Action.RESET_LOCKED
 
 
@@ -29,7 +31,7 @@ def allowed(arming: Arming, action: Action, who: Identity, epoch: int = 7, now_s
 
 
 @pytest.mark.parametrize("second_person", [False, True])
-@pytest.mark.parametrize("who", [ANNA, ANNA_ELSEWHERE, BELA])
+@pytest.mark.parametrize("who", [ANNA, ANNA_ELSEWHERE, BELA, ANNAS, NOBODYS])
 @pytest.mark.parametrize("action", [TEST, LOCKED])
 def test_every_cell_of_who_may_execute_what_anna_has_armed(
     action: Action, who: Identity, second_person: bool

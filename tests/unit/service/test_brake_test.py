@@ -104,17 +104,30 @@ def test_without_a_living_arming_it_is_refused(why: str, place: str) -> None:
     assert not bench.axis.brake_test.under_way
 
 
-@pytest.mark.parametrize("same_user", [True, False])
-def test_with_a_second_person_another_user_executes(same_user: bool) -> None:
+@pytest.mark.parametrize(
+    ("user", "person", "arms", "executes"),
+    [
+        ("bela", "bela", True, True),
+        ("anna", "anna", True, False),
+        ("bela", "anna", True, False),  # another account of the same person
+        ("anna", "bela", True, True),  # whoever it is, the person counts
+        ("root", "", False, False),  # of the system, and nobody knows whose
+    ],
+)
+def test_with_a_second_person_another_person_executes(
+    user: str, person: str, arms: bool, executes: bool
+) -> None:
     bench = Bench(second_person=True)
-    anna = bench.who(Role.PHYSICIST, "a")._replace(user="anna")
-    bela = bench.who(Role.SERVICE, "b")._replace(user="anna" if same_user else "bela")
-    bench.do(bela, "take", over=False)
+    anna = bench.who(Role.PHYSICIST, "a")._replace(user="anna", person="anna")
+    other = bench.who(Role.SERVICE, "b")._replace(user=user, person=person)
+    bench.do(other, "take", over=False)
     bench.do(anna, "arm", action="brake_test")
-    if same_user:
-        assert bench.refused(bela, "brake_test") == "SEC-10"
-    else:
-        bench.do(bela, "brake_test")
+    assert bench.ask(other, "brake_test")["code"] == ("" if executes else "SEC-10")
+    bench.do(anna, "stop")
+    reply = bench.ask(other, "arm", action="brake_test")
+    assert reply["code"] == ("" if arms else "SEC-10")
+    if not arms:
+        assert "nobody knows whose account root is" in reply["text"]
 
 
 def test_it_needs_control_power_off_and_a_brake_that_can_be_tested() -> None:
@@ -159,7 +172,7 @@ def test_it_ends_when_whoever_began_it_loses_control(phase: BrakeTestPhase, how:
     if how in ("gone", "gateway"):
         kind = "gone" if how == "gone" else "restart"
         client = who.client if how == "gone" else ""
-        bench.commands[0].put(f'["{client}","p","physicist","loopback",{{"type":"{kind}"}}]'.encode())
+        bench.commands[0].put(f'["{client}","p","physicist","loopback","",{{"type":"{kind}"}}]'.encode())
     elif how == "silent":
         bench.lively = False
         bench.scans(2100)  # 2 s of silence end it, unless the test is over before

@@ -23,7 +23,7 @@ OF_USER = local._CONNECTIONS_OF_USER
 async def serving(folder: Path) -> AsyncIterator[Hub]:
     memory = SharedMemory.create()
     hub = Hub(memory, Source.LOCAL)
-    server = LocalServer(folder, hub)
+    server = LocalServer(folder, hub, str)
     await server.start()
     task = asyncio.create_task(hub.run())
     yield hub

@@ -124,8 +124,10 @@ def test_changes_of_users_are_told_once_and_nothing_of_the_password(tmp_path: Pa
     users.add("anna", Role.OPERATOR, PASSWORD)
     watch = UserWatch(users)
     assert watch.changes() == []
-    users.add("eve", Role.VIEWER, PASSWORD)
-    assert watch.changes() == ["user eve was added, role viewer"]
+    users.add("eve", Role.VIEWER, PASSWORD, "anna")
+    assert watch.changes() == ["user eve was added, role viewer, an account of anna"]
+    users.set_person("eve", "eve")
+    assert watch.changes() == ["user eve is an account of eve now, before of anna"]
     assert watch.changes() == []
     users.set_password("eve", PASSWORD + "!")
     users.remove("anna")
@@ -153,7 +155,7 @@ def test_only_the_group_gantry_gets_to_the_local_socket(
     memory = SharedMemory.create()
 
     async def start() -> int:
-        server = LocalServer(tmp_path, Hub(memory, Source.LOCAL))
+        server = LocalServer(tmp_path, Hub(memory, Source.LOCAL), str)
         await server.start()
         found = (tmp_path / SERVICE_SOCKET).stat().st_mode
         server.close()

@@ -53,6 +53,39 @@ def test_a_password_is_long_enough(tmp_path: Path, password: str) -> None:
         Users(tmp_path).add("anna", Role.VIEWER, password)
 
 
+def test_an_account_is_its_own_person_unless_another_one_is_named(tmp_path: Path) -> None:
+    users = Users(tmp_path)
+    users.add("anna", Role.OPERATOR, PASSWORD)
+    users.add("anna.service", Role.SERVICE, PASSWORD, "anna")
+    assert [user.person for user in users.all().values()] == ["anna", "anna"]
+    users.set_password("anna.service", PASSWORD + "!")
+    assert users.person("anna.service") == "anna"
+    users.set_person("anna", "bela")
+    assert users.person("anna") == "bela"
+    assert users.check("anna", PASSWORD) is not None
+    assert users.person("root") == ""
+    for wrong in ("", "Anna", "anna ", "a b"):
+        with pytest.raises(UsageError, match="person"):
+            users.set_person("anna", wrong)
+    with pytest.raises(UsageError, match="no user 'carl'"):
+        users.set_person("carl", "anna")
+
+
+def test_a_file_without_persons_is_read_and_a_damaged_person_is_not(tmp_path: Path) -> None:
+    users = Users(tmp_path)
+    users.add("anna", Role.OPERATOR, PASSWORD)
+    found = json.loads(users.path.read_text(encoding="utf-8"))
+    del found["users"]["anna"]["person"]
+    users.path.write_text(json.dumps(found), encoding="utf-8")
+    assert users.person("anna") == "anna"
+    for wrong in ("", "Anna ", None, 3):
+        found["users"]["anna"]["person"] = wrong
+        users.path.write_text(json.dumps(found), encoding="utf-8")
+        with pytest.raises(StateError, match=r"person|string"):
+            users.all()
+        assert users.person("anna") == ""
+
+
 def test_unknown_users_and_twins_are_refused(tmp_path: Path) -> None:
     users = Users(tmp_path)
     users.add("anna", Role.VIEWER, PASSWORD)

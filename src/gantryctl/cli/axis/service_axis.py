@@ -344,12 +344,12 @@ class ServiceAxis:
         Raises:
             CommandRefused: it was not armed in time.
         """
-        # One user arms and another executes where the service was started with --second-person (decision 0014).
+        # One person arms and another executes where the service was started with --second-person (decision 0014).
         if not self.tags["second_person"]:
             self._link.ask("arm", action=action)
             return
         word = action.replace("_", "-")
-        click.echo(f"another user must arm it now: the page, or `gantryctl arm {word}`", err=True)
+        click.echo(f"another person must arm it now: the page, or `gantryctl arm {word}`", err=True)
         left = math.ceil(_OTHER_S / FRAME_S)
 
         def armed(tags: Tags) -> bool:

@@ -36,7 +36,7 @@ def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Comman
 @click.option(
     "--second-person",
     is_flag=True,
-    help="Brake test and reset of locked alarms: one user arms, another one executes.",
+    help="Brake test and reset of locked alarms: one person arms, another one executes.",
 )
 @_megabytes("--journal-size", 500, "The oldest events are taken out beyond this.")
 @click.option(

@@ -24,11 +24,16 @@ def user() -> None:
 @user.command("add")
 @click.argument("name")
 @click.option("--role", type=click.Choice(ROLES), required=True, help="What the user may do.")
-def user_add(name: str, role: str) -> int:
-    """Add a user; asks for the password (12 characters at least)."""
+@click.option("--person", default="", help="Whose account it is, where it has not the name of its person.")
+def user_add(name: str, role: str, person: str) -> int:
+    """Add a user; asks for the password (12 characters at least).
+
+    Two accounts of one person are no two persons for `serve --second-person`. An account stands for the account of the
+    system with the same name, too: that of the command line.
+    """
     from gantryctl.service.protocol.roles import Role
 
-    _users().add(name, Role(role), _password())
+    _users().add(name, Role(role), _password(), person)
     click.echo(f"user {name} may log in as {role}")
     return 0
 
@@ -39,6 +44,16 @@ def user_passwd(name: str) -> int:
     """Change a password; ends the sessions of this user."""
     _users().set_password(name, _password())
     click.echo(f"user {name} has a new password")
+    return 0
+
+
+@user.command("person")
+@click.argument("name")
+@click.argument("person")
+def user_person(name: str, person: str) -> int:
+    """Say that user NAME is an account of PERSON; ends its sessions."""
+    _users().set_person(name, person)
+    click.echo(f"user {name} is an account of {person}")
     return 0
 
 
@@ -54,14 +69,19 @@ def user_remove(name: str) -> int:
 @user.command("list")
 @json_option
 def user_list(as_json: bool) -> int:
-    """List users and their roles."""
+    """List users, their roles and persons."""
     # Passwords are kept as hashes only; what is shown is when each was set.
     users = _users().all()
     if as_json:
-        print_json([{"name": u.name, "role": str(u.role), "password_set": u.since} for u in users.values()])
+        print_json(
+            [
+                {"name": u.name, "role": str(u.role), "person": u.person, "password_set": u.since}
+                for u in users.values()
+            ]
+        )
         return 0
     for each in users.values():
-        click.echo(f"{each.name:<32} {each.role:<10} password of {each.since}")
+        click.echo(f"{each.name:<32} {each.role:<10} {each.person:<32} password of {each.since}")
     if not users:
         click.echo("no users: gantryctl user add NAME --role operator")
     return 0

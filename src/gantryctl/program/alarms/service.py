@@ -147,9 +147,9 @@ SERVICE: Final = (
     Definition(
         Code.SEC_10, _REFUSED, _REF,
         Text("Not armed", "{reason}",
-             "Not armed, too long ago, in another epoch, at another screen, or (second person) by the same user.",
+             "Not armed, too long ago, in another epoch, at another screen, or (second person) by the same person.",
              "Arm it, then execute in time."),
-        Text("未预备", "{reason}", "未预备、时间过长、属于另一时期、在另一屏幕，或（第二人）由同一用户预备。",
+        Text("未预备", "{reason}", "未预备、时间过长、属于另一时期、在另一屏幕，或（第二人）由同一人预备。",
              "先预备，再及时执行。"),
     ),
     Definition(

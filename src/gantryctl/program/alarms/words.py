@@ -661,12 +661,16 @@ class Words(Enum):
         "{action} 未预备：请先预备，然后在 {limit} 秒内执行",
     )
     OTHER_ARMS_FIRST = (
-        "{action} is not armed: another user must arm it first, then execute within {limit:g} s",
-        "{action} 未预备：须由另一用户先预备，然后在 {limit} 秒内执行",
+        "{action} is not armed: another person must arm it first, then execute within {limit:g} s",
+        "{action} 未预备：须由另一人先预备，然后在 {limit} 秒内执行",
     )
     OTHER_EXECUTES = (
-        "{action} was armed by {user}: another user must execute it",
-        "{action} 由 {user} 预备：须由另一用户执行",
+        "{action} was armed by {user}: another person must execute it",
+        "{action} 由 {user} 预备：须由另一人执行",
+    )
+    PERSON_UNKNOWN = (
+        "two persons are needed, and nobody knows whose account {user} is: `gantryctl user add {user}` says it",
+        "需要两人，但不知 {user} 是谁的账号：请用 `gantryctl user add {user}` 说明",
     )
     ARMED_ELSEWHERE = (
         "{action} was armed by {user} at another screen: arm it here",

@@ -167,9 +167,9 @@ class Hub:
     def __len__(self) -> int:
         return len(self._clients)
 
-    def connect(self, user: str, role: Role, place: str) -> Client:
-        """Add a connection."""
-        who = Identity(secrets.token_hex(4), user, role, place)
+    def connect(self, user: str, role: Role, place: str, person: str = "") -> Client:
+        """Add a connection; `person` is whose account the user is, see `Identity`."""
+        who = Identity(secrets.token_hex(4), user, role, place, person)
         client = self._clients[who.client] = Client(self, who)
         return client
 
@@ -209,6 +209,7 @@ class Hub:
             "type": "welcome",
             "client": who.client,
             "user": who.user,
+            "person": who.person,
             "role": str(who.role),
             "place": who.place,
             "may": rights_of(who.role),

@@ -14,6 +14,7 @@ import os
 import pwd
 import socket
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -55,10 +56,11 @@ class LocalServer:
     Args:
         directory: the machine's state directory.
         hub: of the source LOCAL.
+        person: whose account it is that the system names, "" where nobody knows.
     """
 
-    def __init__(self, directory: Path, hub: Hub) -> None:
-        self._directory, self._hub = directory, hub
+    def __init__(self, directory: Path, hub: Hub, person: Callable[[str], str]) -> None:
+        self._directory, self._hub, self._person = directory, hub, person
         self._server: asyncio.Server | None = None
 
     async def start(self) -> None:
@@ -91,7 +93,7 @@ class LocalServer:
         if len(self._hub) >= _CONNECTIONS or not self._hub.make_room(user, _CONNECTIONS_OF_USER, _UNUSED_S):
             writer.close()
             return
-        client = self._hub.connect(user, role, "local")
+        client = self._hub.connect(user, role, "local", self._person(user))
         self._hub.events.put("login", f"{user} at the local socket", client.who)
         sender: asyncio.Task[None] | None = None
         try:

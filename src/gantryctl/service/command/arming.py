@@ -24,7 +24,7 @@ class Arming:
     """At most one action is armed; it can be executed once.
 
     Args:
-        second_person: the executing user must not be the arming one. Otherwise both steps come over the same
+        second_person: another person than the arming one must execute. Otherwise both steps come over the same
             connection.
     """
 
@@ -34,7 +34,9 @@ class Arming:
 
     # Arming needs no control, for taking control would begin a new epoch and end it (decision 0014).
     def arm(self, action: Action, who: Identity, epoch: int, now_s: float) -> None:
-        """Arm an action in place of the one before."""
+        """Arm an action in place of the one before; SEC-10 where two persons are needed and this one is not known."""
+        if self.second_person:
+            _check_known(who)
         self._armed = Armed(action, who, epoch, now_s + ARMED_S)
 
     def now(self, epoch: int, now_s: float) -> Armed | None:
@@ -69,7 +71,14 @@ def check_armed(armed: Armed | None, action: Action, who: Identity, *, second_pe
     if armed is None or armed.action is not action:
         first = Words.OTHER_ARMS_FIRST if second_person else Words.ARM_FIRST
         raise MessageRefused(Code.SEC_10, reason=first(action=action, limit=ARMED_S))
-    if second_person and armed.who.user == who.user:
-        raise MessageRefused(Code.SEC_10, reason=Words.OTHER_EXECUTES(action=action, user=who.user))
+    if second_person:
+        _check_known(who)
+    if second_person and armed.who.person == who.person:
+        raise MessageRefused(Code.SEC_10, reason=Words.OTHER_EXECUTES(action=action, user=armed.who.user))
     if not second_person and armed.who.client != who.client:
         raise MessageRefused(Code.SEC_10, reason=Words.ARMED_ELSEWHERE(action=action, user=armed.who.user))
+
+
+def _check_known(who: Identity) -> None:
+    if not who.person:
+        raise MessageRefused(Code.SEC_10, reason=Words.PERSON_UNKNOWN(user=who.user))

@@ -41,7 +41,7 @@ class ServiceOperator:
         levels: the first ones, see `first_levels`.
         epoch: the first one.
         now: the monotonic time, s.
-        second_person: what one user arms, another one executes.
+        second_person: what one person arms, another one executes.
 
     Attributes:
         levels: what the program sees.

@@ -28,7 +28,7 @@ class Situation(NamedTuple):
         frame, epoch: the present ones.
         holder: who has control.
         paused: a motion stands still at override 0.
-        armed: the armed action. second_person: another user must execute it.
+        armed: the armed action. second_person: another person must execute it.
         journal_keeps: events find their place in the journal.
         blocked_by: why power cannot be switched on; empty when it can.
         untestable: why the brake cannot be tested here, or None.

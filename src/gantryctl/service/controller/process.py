@@ -63,7 +63,7 @@ class Controller:
     Args:
         memory: the service's shared memory.
         store: the machine's state directory, locked.
-        second_person: what one user arms, another one executes.
+        second_person: what one person arms, another one executes.
     """
 
     def __init__(

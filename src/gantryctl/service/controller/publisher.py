@@ -229,6 +229,7 @@ class Publisher:
             "authority_local": bool(holder and holder.local),
             "armed_action": str(armed.action) if armed else "none",
             "armed_by": armed.who.user if armed else "",
+            "armed_person": armed.who.person if armed else "",
             "armed_client": armed.who.client if armed else "",
             "second_person": operator.arming.second_person,
             "reset_locked": operator.permit.reset_locked,

@@ -36,6 +36,7 @@ class Identity(NamedTuple):
     Attributes:
         client: one connection.
         place: `local` is the console of this machine, `loopback` a page on it, `remote` anything else.
+        person: whose account it is, across accounts; "" for one of the system that no account stands for.
     """
 
     # Filled by the process that owns the connection, never from the message.
@@ -43,6 +44,7 @@ class Identity(NamedTuple):
     user: str
     role: Role
     place: str
+    person: str = ""
 
     @property
     def local(self) -> bool:
@@ -387,10 +389,10 @@ def to_record(identity: Identity, message: Mapping[str, Any]) -> bytes:
 
 def from_record(record: bytes) -> tuple[Identity, dict[str, Any]]:
     """Read sender and message of a record; ValueError for anything else."""
-    client, user, role, place, message = json.loads(record)
+    client, user, role, place, person, message = json.loads(record)
     if not isinstance(message, dict):
         raise ValueError("no message in the record")
-    return Identity(str(client), str(user), Role(role), str(place)), message
+    return Identity(str(client), str(user), Role(role), str(place), str(person)), message
 
 
 def _no_constant(word: str) -> float:

@@ -148,9 +148,10 @@ _AUTHORITY: Final = (
 _ARMED: Final = (
     _out("armed_action", "", "enum", "on change", "The armed action: the next step executes it.", ("none", *ARMABLE)),
     _out("armed_by", "", "text", "on change", "User who armed it; empty with nothing armed."),
+    _out("armed_person", "", "text", "on change", "Person whose account that is; empty with nothing armed."),
     _out("armed_client", "", "text", "on change", "Client id of the user who armed it."),
     _out("armed_left_s", "s", "float", "20 Hz", "Time until the arming ends; 0 with nothing armed."),
-    _out("second_person", "", "bool", "on change", "Another user than the one who armed must execute."),
+    _out("second_person", "", "bool", "on change", "Another person than the one who armed must execute."),
     _out("reset_locked", "", "bool", "on change",
          "A reset now meets something locked: it needs the service role, and `arm` first."),
 )  # fmt: skip

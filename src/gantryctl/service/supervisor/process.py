@@ -38,7 +38,7 @@ class Options(NamedTuple):
     Attributes:
         policy: how much the recorder keeps.
         certificates: lists the files whose end is watched.
-        second_person: what one user arms, another one executes.
+        second_person: what one person arms, another one executes.
         users: their changes go into the journal.
         self_test: what its checks found, by their names, for the journal.
         bus_log: file of all frames of the bus, None for none.
@@ -117,7 +117,7 @@ class Supervisor:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, ended.set)
         self.hub.events.put("service", "self-test", None, **self._options.self_test)
-        server = LocalServer(self._directory, self.hub)
+        server = LocalServer(self._directory, self.hub, self._options.users.person)
         keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
         own = [asyncio.create_task(work) for work in (self.hub.run(), self._watch(), ended.wait())]
         try:

@@ -32,12 +32,14 @@ class User(NamedTuple):
     """One user.
 
     Attributes:
+        person: whose account it is: a name as for users. Two accounts of one person are no two persons.
         salt, key: scrypt, hexadecimal. n, r, p: its cost.
         since: when the password was set, UTC.
     """
 
     name: str
     role: Role
+    person: str
     salt: str
     key: str
     n: int
@@ -69,23 +71,23 @@ class Users:
             return {name: _user(name, values) for name, values in found["users"].items()}
         except FileNotFoundError:
             return {}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as fault:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, UsageError) as fault:
             raise StateError(f"{self.path}: users cannot be read: {fault}") from fault
 
-    def add(self, name: str, role: Role, password: str) -> None:
-        """Add a user.
+    def add(self, name: str, role: Role, password: str, person: str = "") -> None:
+        """Add a user; `person` is whose account it is, where it has not the name of its person.
 
         Raises:
-            UsageError: the name is taken or not possible, or the password too short.
+            UsageError: a name is taken or not possible, or the password too short.
         """
-        if not _NAME.fullmatch(name):
-            raise UsageError(f"user name {name!a}: a small letter, then at most 31 of a-z 0-9 . _ -")
+        _check_name("user name", name)
+        _check_name("person", person or name)
         users = self.all()
         if name in users:
             raise UsageError(
                 f"there is a user {name} already: `gantryctl user passwd {name}`, or remove it first"
             )
-        self._store({**users, name: made(name, role, password)})
+        self._store({**users, name: made(name, role, person or name, password)})
 
     def remove(self, name: str) -> None:
         """Remove a user; UsageError for an unknown one."""
@@ -96,7 +98,23 @@ class Users:
     def set_password(self, name: str, password: str) -> None:
         """Set another password, which ends the user's sessions; UsageError for an unknown user."""
         users = self.all()
-        self._store({**users, name: made(name, _known(users, name).role, password)})
+        known = _known(users, name)
+        self._store({**users, name: made(name, known.role, known.person, password)})
+
+    def set_person(self, name: str, person: str) -> None:
+        """Say whose account it is, which ends its sessions; UsageError for an unknown user or a name not possible."""
+        users = self.all()
+        known = _known(users, name)
+        _check_name("person", person)
+        self._store({**users, name: known._replace(person=person)})
+
+    def person(self, account: str) -> str:
+        """Whose account it is, on the page or of the system with the same name; "" where there is none."""
+        try:
+            user = self.all().get(account)
+        except StateError:
+            return ""
+        return "" if user is None else user.person
 
     def check(self, name: str, password: str) -> User | None:
         """Return the user if the password is right."""
@@ -114,7 +132,7 @@ class Users:
         write_whole(self.path, text, private=True, make_folder=True)
 
 
-def made(name: str, role: Role, password: str) -> User:
+def made(name: str, role: Role, person: str, password: str) -> User:
     """Make a user with a fresh salt; UsageError for a password that is too short or too long."""
     if not PASSWORD_MIN <= len(password) <= PASSWORD_MAX:
         raise UsageError(
@@ -123,7 +141,7 @@ def made(name: str, role: Role, password: str) -> User:
     if password.lower().strip() == name:
         raise UsageError("the password must not be the name")
     when = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    user = User(name, role, secrets.token_hex(16), "", _N, _R, _P, when)
+    user = User(name, role, person, secrets.token_hex(16), "", _N, _R, _P, when)
     return user._replace(key=_key(password, user).hex())
 
 
@@ -134,7 +152,16 @@ def _key(password: str, user: User) -> bytes:
 
 def _user(name: str, values: dict[str, Any]) -> User:
     bytes.fromhex(values["salt"]), bytes.fromhex(values["key"])
-    return User(name, Role(values["role"]), **{k: values[k] for k in ("salt", "key", "n", "r", "p", "since")})
+    # A file of before has no persons: each account is then one of its own.
+    person = values.get("person", name)
+    _check_name("person", person)
+    rest = {k: values[k] for k in ("salt", "key", "n", "r", "p", "since")}
+    return User(name, Role(values["role"]), person, **rest)
+
+
+def _check_name(what: str, name: str) -> None:
+    if not _NAME.fullmatch(name):
+        raise UsageError(f"{what} {name!a}: a small letter, then at most 31 of a-z 0-9 . _ -")
 
 
 def _known(users: dict[str, User], name: str) -> User:
@@ -143,7 +170,7 @@ def _known(users: dict[str, User], name: str) -> User:
     return users[name]
 
 
-_UNKNOWN: Final = User("", Role.VIEWER, "00" * 16, "00" * 32, _N, _R, _P, "")
+_UNKNOWN: Final = User("", Role.VIEWER, "", "00" * 16, "00" * 32, _N, _R, _P, "")
 
 
 class UserWatch:
@@ -177,10 +204,13 @@ def _differences(before: dict[str, User], now: dict[str, User]) -> list[str]:
     for name, user in sorted(now.items()):
         old = before.get(name)
         if old is None:
-            found.append(f"user {name} was added, role {user.role}")
+            whose = "" if user.person == name else f", an account of {user.person}"
+            found.append(f"user {name} was added, role {user.role}{whose}")
             continue
         if user.role is not old.role:
             found.append(f"user {name} has the role {user.role} now, before it was {old.role}")
+        if user.person != old.person:
+            found.append(f"user {name} is an account of {user.person} now, before of {old.person}")
         if user.key != old.key:
             found.append(f"user {name} has a new password")
     return found
