@@ -67,8 +67,8 @@ class Replay:
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """Shape (rows, columns)."""
-        return np.array([np.frombuffer(row)[1:] for row in self._rows])
+        """Shape (rows, columns): without the number of the recording and the mark."""
+        return np.array([np.frombuffer(row)[2:] for row in self._rows])
 
     def _polled(self, time_s: float) -> OperatorCommand:
         """What is due in this scan goes into the ring, just before the scan looks into it."""

@@ -60,6 +60,7 @@ def show(file: Path, as_json: bool) -> None:
             "rows": len(recording),
             "duration_s": recording.duration_s,
             "gaps_s": recording.gaps(),
+            "rest_rows": recording.rest_rows,
             "hash": recording.hash(),
             "metadata": recording.metadata,
             "columns": [summary._asdict() for summary in summarize(recording)],
@@ -74,10 +75,21 @@ def show(file: Path, as_json: bool) -> None:
         click.echo(
             f"rows are missing between {before_s:.3f} s and {after_s:.3f} s: scans missed, or no place for them"
         )
+    if recording.rest_rows:
+        click.echo(_thinned(recording))
     for key, value in recording.metadata.items():
         click.echo(f"  {key}: {value}")
     shown = recording.in_degrees()
     click.echo(_table(recording.columns, summarize(shown)))
+
+
+def _thinned(recording: Trace) -> str:
+    """Say that the rows are not at equal times."""
+    longest_s = float(recording["spacing_s"].max())
+    return (
+        f"{recording.rest_rows} rows are of an axis at rest and stand for up to {longest_s:g} s each (spacing_s); "
+        "r.m.s. values are over time; `trace export --every-scan` makes one row per scan"
+    )
 
 
 def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
@@ -184,9 +196,15 @@ def _beside(file: Path, suffix: str) -> Path:
 @file_argument
 @click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), required=True, help="What to write.")
 @click.option("--degrees", is_flag=True, help="Angles in degrees, also in the names of the columns.")
+@click.option(
+    "--every-scan",
+    "every_scan",
+    is_flag=True,
+    help="One row per scan: rows at rest are repeated for the scans that they stand for.",
+)
 @click.option("--out", type=PATH, help="Where to (default: beside FILE).")
 @json_option
-def export(file: Path, kind: str, degrees: bool, out: Path | None, as_json: bool) -> None:
+def export(file: Path, kind: str, degrees: bool, every_scan: bool, out: Path | None, as_json: bool) -> None:
     """Write FILE as CSV for other programs, or as Parquet.
 
     Parquet is for a recording that was never closed, or to have it in degrees.
@@ -199,6 +217,8 @@ def export(file: Path, kind: str, degrees: bool, out: Path | None, as_json: bool
     # The file would be truncated before it is read to its end.
     if out.exists() and out.samefile(file):
         raise UsageError(f"{out}: that is the recording itself; give another name with --out")
+    if every_scan:
+        recording = recording.every_scan()
     if degrees:
         recording = recording.in_degrees()
     if kind == "csv":

@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+from gantryctl.trace.naming import oldest_first
+
 _CHUNK: Final = 256 * 1024
 _LISTED: Final = 500
 
@@ -25,12 +27,14 @@ class Traces:
         self._key = secrets.token_bytes(16)
 
     def rows(self) -> list[dict[str, Any]]:
-        """Id, name, size and date of every closed recording, newest first."""
+        """Id, name, size and date of every closed recording, newest first by its number."""
+        files = {Path(name): (size, modified) for name, size, modified in self._files()}
         found: list[dict[str, Any]] = []
-        for name, size, modified in self._files():
+        for path in reversed(oldest_first(files)[-_LISTED:]):
+            size, modified = files[path]
             at = datetime.fromtimestamp(modified, UTC).isoformat(timespec="seconds")
-            found.append({"id": self._id(name), "name": name, "size": size, "modified": at})
-        return sorted(found, key=lambda row: row["modified"], reverse=True)[:_LISTED]
+            found.append({"id": self._id(path.name), "name": path.name, "size": size, "modified": at})
+        return found
 
     def open(self, wanted: str) -> tuple[str, int, Iterator[bytes]] | None:
         """Name, size and content of a recording; None for an unknown id."""

@@ -13,6 +13,7 @@ from gantryctl.errors import UsageError
 from gantryctl.operation.store import state_root
 from gantryctl.program import Alarm, AlarmLog, Severity
 from gantryctl.trace.frames.recorder import FROZEN_NAMES, FrameRecorder
+from gantryctl.trace.naming import next_number, numbered, oldest_first
 from gantryctl.wiring.bus_log import log_in_force, logged_links
 
 
@@ -33,8 +34,8 @@ def logged_bus(file: Path | None) -> Iterator[FrameRecorder]:
 
 
 def frozen_path(folder: Path, code: str) -> Path:
-    """Path for the frames around an alarm, beside the recordings."""
-    return folder / f"bus-{code}-{datetime.now(UTC).strftime('%Y%m%dT%H%M%S%f')[:-3]}.log"
+    """Path for the frames around an alarm, beside the recordings and counted with them."""
+    return folder / (numbered(f"bus-{code}", next_number(folder), datetime.now(UTC)) + ".log")
 
 
 def last_frozen() -> Path:
@@ -43,12 +44,13 @@ def last_frozen() -> Path:
     Raises:
         UsageError: there are none.
     """
-    files = [*state_root().glob(f"**/traces/{FROZEN_NAMES}")]
-    if not files:
+    folders = [[*folder.glob(FROZEN_NAMES)] for folder in state_root().glob("**/traces")]
+    newest = [oldest_first(files)[-1] for files in folders if files]
+    if not newest:
         raise UsageError(
             f"no frames around an alarm under {state_root()}: none was raised on a bus yet; name a file"
         )
-    return max(files, key=lambda file: file.stat().st_mtime_ns)
+    return max(newest, key=lambda file: file.stat().st_mtime_ns)
 
 
 def freeze(folder: Path, code: str, ago_s: float = 0.0) -> None:

@@ -18,6 +18,7 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.files import remove_drafts, write_whole
 from gantryctl.machine import Machine, identity_hash
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
+from gantryctl.trace.naming import oldest_first
 
 STATE_VARIABLE: Final = "GANTRYCTL_STATE"
 _PLANT_FILE: Final = "plant.json"
@@ -49,14 +50,17 @@ def state_root() -> Path:
 def last_recording() -> Path:
     """The newest recording that any command has left in the state directory.
 
+    Of one machine the one with the highest number, of several machines by date.
+
     Raises:
         UsageError: there is no recording.
     """
     root = state_root()
-    files = [file for ending in ("parquet", "arrows") for file in root.glob(f"*/traces/*.{ending}")]
-    if not files:
+    folders = [[*folder.glob("*.parquet"), *folder.glob("*.arrows")] for folder in root.glob("*/traces")]
+    newest = [oldest_first(files)[-1] for files in folders if files]
+    if not newest:
         raise UsageError(f"no recording under {root} yet: `gantryctl move` makes one, or name a file")
-    return max(files, key=lambda file: file.stat().st_mtime_ns)
+    return max(newest, key=lambda file: file.stat().st_mtime_ns)
 
 
 class BusSummary(NamedTuple):

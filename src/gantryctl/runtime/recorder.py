@@ -31,6 +31,8 @@ from gantryctl.trace.table import Trace
 # Rows in a block of the live file: what a kill may cost. Rows are packed into bytes as they come: turning a thousand
 # tuples into columns takes about five times as long in one scan, once a second, and that scan would be late (0006).
 FLUSH_ROWS: Final = 1000
+# Names and metadata of 64 columns are below: a shorter file that cannot be read has lost nothing but its head.
+_HEAD_MOST_BYTES: Final = 16 * 1024
 
 
 class MemoryRecorder:
@@ -113,7 +115,15 @@ class ArrowRecorder:
 
     @classmethod
     def finish(cls, live: Path) -> None:
-        """Close the live file of a run that was killed; DeviceError when that is not possible."""
+        """Close the live file of a run that was killed; remove one that was killed before its first block.
+
+        Raises:
+            DeviceError: it is no recording, or the disk does not take the closed file.
+        """
+        end, last_s = whole_part(live)
+        if last_s == -math.inf and (end or live.stat().st_size < _HEAD_MOST_BYTES):
+            live.unlink()
+            return
         cls(live, *head_of(live), resume=True).close()
 
     def _open(self, resume: bool) -> Any:

@@ -14,6 +14,9 @@ from gantryctl.errors import UsageError
 from gantryctl.units import deg, name_ending
 
 TIME_COLUMN: Final = "time_s"
+# Time for which a row stands, in recordings that have fewer rows while the axis rests: the scan period, or the time
+# since the row before where the rows between were left out.
+SPACING_COLUMN: Final = "spacing_s"
 
 # By the end of a name: how people write the unit.
 SI_UNITS: Final = {

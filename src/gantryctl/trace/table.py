@@ -1,4 +1,4 @@
-"""`Trace`: a recording in memory. One row per scan; row k holds the state at `k x period`."""
+"""`Trace`: a recording in memory. A row holds the state at its `time_s`: one per scan, fewer where the axis rests."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gantryctl.errors import UsageError
-from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees, unit_of
+from gantryctl.trace.columns import SPACING_COLUMN, TIME_COLUMN, degree_factor, in_degrees, unit_of
 from gantryctl.trace.files import (
     Floats,
     Metadata,
@@ -101,15 +101,63 @@ class Trace:
         """Time from the first row to the last, s."""
         return float(self.time_s[-1] - self.time_s[0]) if len(self) else 0.0
 
+    @property
+    def period_s(self) -> float | None:
+        """Scan period, s; None where the metadata does not say."""
+        period_s = self.metadata.get("period_s")
+        return float(period_s) if isinstance(period_s, int | float) and period_s > 0 else None
+
+    @property
+    def spacing_s(self) -> Floats | None:
+        """Time for which each row stands, s, shape (rows,): weights of a mean over time.
+
+        None where neither the rows nor the metadata say: then all rows count alike.
+        """
+        if self.recorded_spacing_s is not None or self.period_s is None:
+            return self.recorded_spacing_s
+        return np.full(len(self), self.period_s)
+
+    @property
+    def recorded_spacing_s(self) -> Floats | None:
+        """The column `spacing_s`; None where the recording has one row per scan."""
+        return self._data.get(SPACING_COLUMN)
+
+    @property
+    def rest_rows(self) -> int:
+        """Rows that stand for more than one scan, because the axis rested."""
+        spacing_s, period_s = self.spacing_s, self.period_s
+        if spacing_s is None or period_s is None:
+            return 0
+        return int(np.count_nonzero(spacing_s > 1.5 * period_s))
+
     def gaps(self) -> list[tuple[float, float]]:
         """Gaps in the recording: times of the rows before and after, s. Needs `period_s` in the metadata."""
-        period_s = self.metadata.get("period_s")
-        if not isinstance(period_s, int | float) or len(self) < 2:
+        spacing_s, period_s = self.spacing_s, self.period_s
+        if spacing_s is None or period_s is None or len(self) < 2:
             return []
         time_s = self.time_s
-        # Half a period of tolerance: times are k x period, so a step is one period or a whole number of them.
-        (before,) = np.nonzero(np.diff(time_s) > 1.5 * period_s)
+        # Half a period of tolerance: times are k x period, so a step is a whole number of periods.
+        (before,) = np.nonzero(np.diff(time_s) > spacing_s[1:] + 0.5 * period_s)
         return [(float(time_s[k]), float(time_s[k + 1])) for k in before]
+
+    def every_scan(self) -> Trace:
+        """Make one row per scan: a row at rest is repeated for the scans before it that it stands for.
+
+        For spectra, and whatever else needs rows at equal times. Gaps remain gaps.
+
+        Raises:
+            UsageError: the metadata does not tell the scan period.
+        """
+        spacing_s, period_s = self.spacing_s, self.period_s
+        if spacing_s is None or period_s is None:
+            raise UsageError("the recording does not tell its scan period: it has no rows at equal times")
+        counts = np.maximum(1, np.round(spacing_s / period_s)).astype(int)
+        back = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(counts.sum())
+        data = {
+            name: np.repeat(values, counts) for name, values in self._data.items() if name != SPACING_COLUMN
+        }
+        data[TIME_COLUMN] = data[TIME_COLUMN] - back * period_s
+        return Trace(data, self.metadata, complete=self.complete)
 
     def slice(self, start_s: float, end_s: float) -> Trace:
         """Take the rows with `start_s <= time_s <= end_s`."""
@@ -148,7 +196,10 @@ class Trace:
 
 
 class ColumnSummary(NamedTuple):
-    """Extremes and root mean square of one column over its finite values, in the unit of the column."""
+    """Extremes and root mean square of one column over its finite values, in the unit of the column.
+
+    The mean is over time: a row at rest counts for all scans that it stands for.
+    """
 
     name: str
     unit: str
@@ -161,16 +212,20 @@ class ColumnSummary(NamedTuple):
 
 def summarize(trace: Trace) -> list[ColumnSummary]:
     """Summarise every column, in their order; None where there is no finite value."""
-    return [_summary(name, trace[name]) for name in trace.columns]
+    weights = trace.recorded_spacing_s
+    return [_summary(name, trace[name], weights) for name in trace.columns]
 
 
-def _summary(name: str, values: Floats) -> ColumnSummary:
-    finite = values[np.isfinite(values)]
+def _summary(name: str, values: Floats, weights: Floats | None) -> ColumnSummary:
+    known = np.isfinite(values)
+    finite = values[known]
     missing = len(values) - len(finite)
     unit = unit_of(name).symbol
     if not len(finite):
         return ColumnSummary(name, unit, None, None, None, missing)
     # Squares of large values would overflow.
     scale = float(np.max(np.abs(finite))) or 1.0
-    rms = scale * math.sqrt(float(np.mean((finite / scale) ** 2)))
+    squares = (finite / scale) ** 2
+    mean = np.mean(squares) if weights is None else np.average(squares, weights=weights[known])
+    rms = scale * math.sqrt(float(mean))
     return ColumnSummary(name, unit, float(finite.min()), float(finite.max()), rms, missing)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import tempfile
+from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gantryctl.runtime import recorder
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.memory.snapshot import publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.service.recorder import trace_writer
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.recorder.trace_writer import TraceWriter
+from gantryctl.trace.naming import next_number, number_of, oldest_first
 from gantryctl.trace.reader import read_trace
 
 COLUMNS = ("time_s", "x_rad")
@@ -29,7 +36,7 @@ class Bench:
         self.memory, self.directory = SharedMemory.create(), directory
         publish_json(self.memory.columns, {"columns": COLUMNS, "metadata": {"period_s": PERIOD_S}})
         self.controller = RingRecorder(self.memory.rows, COLUMNS)
-        self.controller.number = 1_700_000_000_123
+        self.controller.number = 41
         self.made = 0
         self.start()
 
@@ -39,6 +46,8 @@ class Bench:
 
     def rows(self, count: int) -> None:
         for _ in range(count):
+            # Something happens all the time: nothing is left out.
+            self.controller.mark = self.made // 1000
             self.controller.record((self.made * PERIOD_S, self.made / 7))
             self.made += 1
 
@@ -109,7 +118,7 @@ def test_a_recorder_killed_after_it_closed_the_file_writes_it_no_second_time(
 def test_rows_that_found_no_place_are_counted_and_seen_as_a_gap(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.writer.drain(at_once=True)
-    bench.rows(bench.memory.rows.slots + 500)  # nobody takes them: 16 s at 1 ms
+    bench.rows(bench.memory.rows.slots + 500)  # nobody takes them: 33 s at 1 ms
     assert bench.controller.lost == 500
     bench.writer.drain(at_once=True)
     bench.rows(10)
@@ -129,7 +138,7 @@ def test_what_a_power_cut_has_left_is_closed_at_the_next_start_and_what_goes_on_
     bench = Bench(tmp_path)
     bench.rows(50)
     bench.writer.drain(at_once=True)
-    bench.controller.number += 1000  # the next start of the service
+    bench.controller.number += 1  # the next start of the service
     bench.start()
     bench.rows(20)
     bench.writer.drain(at_once=True)
@@ -142,15 +151,19 @@ def test_what_a_power_cut_has_left_is_closed_at_the_next_start_and_what_goes_on_
     bench.memory.close()
 
 
-def test_the_oldest_recordings_go_when_all_need_more_than_the_quota(tmp_path: Path) -> None:
+def test_the_oldest_recordings_go_when_all_need_more_than_the_quota_whatever_the_clock_said(
+    tmp_path: Path,
+) -> None:
+    """The clock was at 1970 for the third, and an hour ahead for the second; 999999 is not the last number there is."""
     bench = Bench(tmp_path)
-    for day in range(1, 6):
-        (tmp_path / f"service-2026010{day}T000000000.parquet").write_bytes(bytes(300 * 1024))
+    stamps = ("20260101T000000000", "20260102T010000000", "19700101T000000000", "20260102T000500000")
+    names = [f"service-{999_997 + at}-{stamp}.parquet" for at, stamp in enumerate(stamps)]
+    for hours_ago, name in enumerate(names):
+        (tmp_path / name).write_bytes(bytes(300 * 1024))
+        os.utime(tmp_path / name, (hours_ago * 3600,) * 2)
     (tmp_path / "somebody-elses.parquet").write_bytes(bytes(MB))
     TraceWriter(bench.memory, tmp_path, lambda: PLENTY, RetentionPolicy(traces_mb=1)).drain(at_once=True)
-    kept = sorted(file.name for file in tmp_path.iterdir())
-    assert kept == ["service-20260103T000000000.parquet", "service-20260104T000000000.parquet",
-                    "service-20260105T000000000.parquet", "somebody-elses.parquet"]  # fmt: skip
+    assert {file.name for file in tmp_path.iterdir()} == {*names[1:], "somebody-elses.parquet"}
     bench.memory.close()
 
 
@@ -165,4 +178,116 @@ def test_a_recording_that_needs_the_whole_quota_alone_is_left(tmp_path: Path) ->
     assert bench.memory.words[Word.RECORDING_STOPPED]
     (live,) = tmp_path.iterdir()
     assert len(read_trace(live)) == 10
+    bench.memory.close()
+
+
+def test_names_are_in_order_and_unique_while_the_clock_goes_back_to_1970(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(tmp_path)
+    clock = datetime(2026, 11, 22, 12, tzinfo=UTC)
+    hours = iter((0.0, 1.0, -1.0, -498_000.0, -498_000.0, 0.0))
+
+    class Stepped(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Self:
+            return cls.fromtimestamp((clock + timedelta(hours=next(hours))).timestamp(), tz)
+
+    monkeypatch.setattr(trace_writer, "datetime", Stepped)
+    for number in range(41, 47):
+        bench.controller.number = number
+        bench.rows(10)
+        bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    bench.writer.join()
+    found = oldest_first(tmp_path.iterdir())
+    assert [number_of(file) for file in found] == list(range(41, 47))
+    first_rows = [read_trace(file)["x_rad"][0] * 7 for file in found]
+    assert first_rows == pytest.approx([0, 10, 20, 30, 40, 50])
+    assert next_number(tmp_path) == 47
+    bench.memory.close()
+
+
+def test_a_recorder_ended_alone_leaves_its_file_to_the_next_and_the_end_of_the_service_closes_it(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(100)
+    bench.writer.drain(at_once=True)
+    bench.writer.end()
+    assert [file.suffix for file in tmp_path.iterdir()] == [".arrows"]
+    bench.start()
+    bench.rows(100)
+    bench.memory.words[Word.ENDING] = 1
+    bench.writer.drain(at_once=True)
+    bench.writer.end()
+    assert [file.suffix for file in tmp_path.iterdir()] == [".parquet"]
+    assert bench.kept() == [k / 7 for k in range(200)]
+    bench.memory.close()
+
+
+def test_the_end_of_a_controller_that_was_killed_closes_its_recording(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(100)
+    bench.writer.drain(at_once=True)
+    RingRecorder(bench.memory.rows, COLUMNS).end(41)  # by the next controller
+    bench.writer.drain(at_once=True)
+    assert bench.kept() == [k / 7 for k in range(100)]
+    RingRecorder(bench.memory.rows, COLUMNS).end(41)
+    bench.writer.drain(at_once=True)
+    assert bench.kept() == [k / 7 for k in range(100)]  # twice is no other file
+    bench.memory.close()
+
+
+def test_what_kills_have_left_is_closed_or_removed(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(100)
+    bench.writer.drain(at_once=True)
+    (live,) = tmp_path.iterdir()
+    whole = live.read_bytes()
+    (tmp_path / "service-000040-20260101T000000000.parquet.part").write_bytes(b"half")
+    (tmp_path / "service-000039-20260101T000000000.arrows").write_bytes(b"")
+    (tmp_path / "service-000038-20260101T000000000.arrows").write_bytes(whole[:100])  # inside the head
+    (tmp_path / "service-000037-20260101T000000000.arrows").write_bytes(whole[:-100])  # inside the block
+    (tmp_path / "service-000036-20260101T000000000.arrows").write_bytes(whole)
+    bench.start()
+    bench.writer.remove_drafts()
+    bench.writer.finish_left()
+    bench.writer.join()
+    left = {number_of(file): file.suffix for file in tmp_path.iterdir()}
+    assert left == {36: ".parquet", 41: ".parquet"}
+    bench.memory.close()
+
+
+def test_a_full_disk_leaves_the_live_file_and_room_again_closes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(100)
+    bench.controller.stop()
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(recorder, "write_parquet", full)
+        bench.writer.drain(at_once=True)
+        bench.writer.join()
+    assert [file.suffix for file in tmp_path.iterdir()] == [".arrows"]
+    bench.writer.finish_left()
+    assert bench.kept() == [k / 7 for k in range(100)]
+    bench.memory.close()
+
+
+def test_a_long_recording_asks_for_a_next_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trace_writer, "FILE_MB", 0.01)
+    bench = Bench(tmp_path)
+    bench.rows(10)
+    bench.writer.drain(at_once=True)
+    bench.writer.drain(at_once=True)
+    assert bench.memory.words[Word.RECORDING_LONG] == 0
+    bench.rows(1000)
+    bench.writer.drain(at_once=True)
+    bench.writer.drain(at_once=True)
+    assert bench.memory.words[Word.RECORDING_LONG] == 41
     bench.memory.close()

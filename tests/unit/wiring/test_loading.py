@@ -12,7 +12,7 @@ import pytest
 
 import gantryctl.wiring
 
-MODULES_MAX = 213
+MODULES_MAX = 216
 """Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger and the
 nodes beside the drive came, 203 before the power sequence got its parts,
 208 before requirement, turns of a modulo axis and no-go sectors."""

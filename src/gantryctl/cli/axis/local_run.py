@@ -21,6 +21,7 @@ from gantryctl.operation.summary import MotionSummary, summarise
 from gantryctl.ports import Recorder
 from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.trace.files import Metadata
+from gantryctl.trace.naming import next_number, numbered, oldest_first
 from gantryctl.trace.reader import read_trace
 
 # Recordings kept in the state directory; older ones are removed. --out keeps everything.
@@ -94,11 +95,9 @@ def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | 
         return None
     folder = directory(out if out is not None else store.traces if store is not None else Path())
     if out is None:
-        for old in sorted(folder.glob("*.parquet"), key=lambda p: p.name.split("-")[-1])[: -TRACES_KEPT + 1]:
+        for old in oldest_first(folder.glob("*.parquet"))[: -TRACES_KEPT + 1]:
             old.unlink(missing_ok=True)
-    # Milliseconds, so that two runs of a script within a second do not overwrite each other.
-    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")[:-3]
-    return folder / f"{name}-{stamp}"
+    return folder / numbered(name, next_number(folder), datetime.now(UTC))
 
 
 def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary | None, Path | None]:

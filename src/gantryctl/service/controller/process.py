@@ -44,8 +44,9 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.frame_ring import RingFrames
 from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_json
-from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.service.memory.trace_ring import RingRecorder, rest_metadata
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
+from gantryctl.trace.naming import next_number
 from gantryctl.wiring.bus_log import logged_links
 from gantryctl.wiring.engine import build_engine
 
@@ -102,6 +103,11 @@ class Controller:
             )  # fmt: skip
             assert isinstance(self.engine.recorder, RingRecorder)
             self._recorder = self.engine.recorder
+            # Numbers count on over restarts of controller and service, and when the folder was emptied.
+            words = memory.words
+            self._recorder.end(words[Word.RECORDING])
+            newest = max(words[Word.RECORDING], retained.power_ups, next_number(store.traces) - 1)
+            words[Word.RECORDING] = newest
             self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
             self._frames = AlarmFrames(self.axis.alarms, store.traces)
             self._powered = False
@@ -123,6 +129,7 @@ class Controller:
             "version": version("gantryctl"),
             "period_s": self.engine.period_s,
             **self.machine.axis.dial.metadata(),
+            **rest_metadata(self.machine.motor.torque_rated_nm),
         }
         publish_json(self.memory.columns, {"columns": list(self._recorder.columns), "metadata": metadata})
         publisher = Publisher(
@@ -191,7 +198,15 @@ class Controller:
         # The program raises it in the scan that it comes in; from its reset on nobody asks for it any more.
         if engine.system_stop is not None and self.axis.system_stop is None:
             engine.system_stop = None
+        if self._recorder.number and self.memory.words[Word.RECORDING_LONG] == self._recorder.number:
+            self._record_on()
         retainer.scan()
+
+    def _record_on(self) -> None:
+        """Begin the next recording in the scan after the last one."""
+        self._recorder.stop()
+        number = self.memory.words[Word.RECORDING] + 1
+        self.memory.words[Word.RECORDING] = self._recorder.number = number
 
     def _after_reset(self) -> None:
         """Follow a reset between two scans: forget acknowledged stops, and set up a lost drive again."""
@@ -211,7 +226,7 @@ class Controller:
     def _switched(self, on: bool) -> None:
         if on:
             self.retainer.powered_up()
-            self._recorder.number = int(time.time() * 1000)
+            self._record_on()
             self.brake.judge(self.retainer.retained, self.retainer.power_ups)
             return
         self._recorder.stop()

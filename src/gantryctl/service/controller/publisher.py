@@ -16,10 +16,11 @@ from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.controller.brake_watch import BrakeWatch
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
-from gantryctl.service.memory.snapshot import publish_fast, publish_json, rounded
+from gantryctl.service.memory.snapshot import FAST, publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.messages import SETTABLE
+from gantryctl.service.protocol.tags import BY_NAME
 from gantryctl.units import deg
 
 FAST_S: Final = 0.010
@@ -29,6 +30,8 @@ RECENT_S: Final = 10.0
 _BUS_TAGS: Final = (
     "bus_missed", "bus_late", "bus_duplicated", "bus_wrong_length", "bus_contradicted", "bus_refused", "bus_others",
 )  # fmt: skip
+# A change of one is recorded with every scan before and after it.
+SWITCHED: Final = tuple(name for name in FAST if BY_NAME[name].kind in ("bool", "enum"))
 _ENDS: Final = (
     "over_travel_min_deg", "over_travel_max_deg", "limit_switch_min_deg", "limit_switch_max_deg",
     "mechanical_stop_min_deg", "mechanical_stop_max_deg",
@@ -68,6 +71,8 @@ class Publisher:
         self._before: deque[tuple[list[int], list[int]]] = deque(maxlen=round(RECENT_S / SLOW_S))
         self._statistics = self._timing()
         self._shown: tuple[object, ...] = ()
+        self._switched_before: dict[str, float] = {}
+        self._changes = 0
         self._scan = self._scan_before = engine.scan
 
     def scan(self) -> None:
@@ -75,13 +80,23 @@ class Publisher:
         self._scan_before, self._scan = self._scan, self._engine.scan
         self._alarms.scan()
         if self._due(self._fast_scans):
-            publish_fast(self._memory.fast, self.fast())
+            tags = self.fast()
+            publish_fast(self._memory.fast, tags)
+            self._note_changes(tags)
         if self._due(self._frame_scans):
             self._publish_slow(self._due(self._slow_scans))
         # Alarm rows a scan later than the other tags: no scan carries both.
         elif self._due(self._frame_scans, 1) and self._alarms.changed:
             self._alarms.changed = False
             publish_json(self._memory.alarms, self._alarms.rows())
+
+    def _note_changes(self, tags: dict[str, float]) -> None:
+        """Tell the recording that a flag or a word has changed, or that the journal has a new event."""
+        switched = {name: tags[name] for name in SWITCHED}
+        if switched != self._switched_before:
+            self._switched_before = switched
+            self._changes += 1
+        self._recorder.mark = self._changes + self._memory.events[Source.CONTROLLER].written
 
     def _due(self, scans: int, offset: int = 0) -> bool:
         """Whether so many scans have passed."""
@@ -106,6 +121,7 @@ class Publisher:
             self._axis.refusal_count, self._armed(), operator.permit.reset_locked, self._brake.changed,
         )  # fmt: skip
         if due or shown != self._shown:
+            self._changes += shown != self._shown
             self._shown = shown
             publish_json(self._memory.slow, self.slow())
 

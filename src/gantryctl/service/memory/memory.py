@@ -16,8 +16,11 @@ from gantryctl.service.memory.seqlock import SequenceLock
 # Slot of a command or reply.
 COMMAND_BYTES: Final = 1024
 EVENT_BYTES: Final = 1024
-# Slot of a trace row: up to 64 columns, the number of the recording, the header.
-ROW_BYTES: Final = 8 * 66
+# Slot of a trace row: up to 64 columns, the number of the recording, the mark, the header.
+ROW_BYTES: Final = 8 * 67
+# At 1 ms, 33 s: 2 s that may come to lie before an event, 10 s that wait at rest for their block, and 20 s without a
+# recorder.
+ROWS: Final = 32768
 # Slot of a frame of the bus: 30 bytes and the header; 16384 frames are 2 s of a full bus at 1 Mbit/s.
 FRAME_BYTES: Final = 40
 
@@ -58,6 +61,12 @@ class Word(IntEnum):
     LEASE_MS = 2
     # 1 while the disk is too full to record.
     RECORDING_STOPPED = 7
+    # Number of the newest recording; it outlives a controller.
+    RECORDING = 8
+    # Number of a recording that is to go on in a next file.
+    RECORDING_LONG = 9
+    # 1 from the end of the service on: nobody goes on with what its processes leave.
+    ENDING = 10
 
 
 class JournalState(IntEnum):
@@ -96,7 +105,7 @@ _AREAS: Final = (
     ("words", 512), ("fast", 4096), ("slow", 64 * 1024), ("alarms", 256 * 1024), ("columns", 8192),
     ("commands0", _COMMANDS), ("commands1", _COMMANDS), ("replies0", _COMMANDS), ("replies1", _COMMANDS),
     ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS),
-    ("rows", 192 + 16384 * ROW_BYTES), ("frames", 192 + 16384 * FRAME_BYTES),
+    ("rows", 192 + ROWS * ROW_BYTES), ("frames", 192 + 16384 * FRAME_BYTES),
 )  # fmt: skip
 
 

@@ -94,8 +94,8 @@ class Ring:
                 return found[0]
             self._words[_DAMAGED] += 1
 
-    def peek(self, limit: int) -> list[bytes | None]:
-        """Return the oldest records, at most `limit`, and leave them in the ring; None for a damaged one."""
+    def peek(self, limit: int, skip: int = 0) -> list[bytes | None]:
+        """Return the oldest records but `skip`, at most `limit`, and leave them in the ring; None for a damaged one."""
         words, memory = self._words, self._memory
         head, tail = words[_HEAD], words[_TAIL]
         # No writer of this program leaves such numbers: start over at the tail.
@@ -104,7 +104,7 @@ class Ring:
             words[_HEAD] = tail
             return []
         found: list[bytes | None] = []
-        for number in range(head, min(tail, head + limit)):
+        for number in range(head + skip, min(tail, head + skip + limit)):
             at = _FIRST_SLOT + number % self.slots * self._slot
             length, check = _RECORD.unpack_from(memory, at)
             record = bytes(memory[at + 8 : at + 8 + min(length, self.record_max)])

@@ -6,6 +6,7 @@ It is the only writer of the journal; a slow disk delays only this process.
 from __future__ import annotations
 
 import math
+import os
 import signal
 import sqlite3
 import sys
@@ -186,6 +187,7 @@ def main(arguments: list[str]) -> int:
     memory, directory = SharedMemory(int(arguments[0])), Path(arguments[1])
     policy = RetentionPolicy.from_json(arguments[2])
     die_with_parent()
+    parent = os.getppid()
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
@@ -197,6 +199,7 @@ def main(arguments: list[str]) -> int:
     frames = FrameWriter(memory, directory / "traces", log, free_bytes, policy, events.notes.append)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")
     writer.start()
+    traces.remove_drafts()
     # First the rows: they say which recording goes on, all others were left by a recorder that is gone.
     traces.drain(at_once=True)
     traces.finish_left()
@@ -211,7 +214,8 @@ def main(arguments: list[str]) -> int:
     for note in events.notes:
         sys.stderr.write(f"recorder: {note}\n")
     traces.drain(at_once=True)
-    traces.close()
-    traces.join()
+    if os.getppid() != parent:
+        memory.words[Word.ENDING] = 1
+    traces.end()
     events.close()
     return 0

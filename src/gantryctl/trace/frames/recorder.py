@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from gantryctl.errors import DeviceError
 from gantryctl.trace.frames.files import FrameFile, logs_beside, next_log, write_alarms
 from gantryctl.trace.frames.ring import BusFrame, FrameLog, FrameRing
+from gantryctl.trace.naming import oldest_first
 
 # What is frozen: so much before the alarm, and as much after it as a stop takes.
 BEFORE_S: Final = 30.0
@@ -259,9 +260,7 @@ class FrameRecorder:
             raise DeviceError(f"{log.file.path}: {fault.strerror or fault}") from fault
 
     def _remove_old(self, folder: Path) -> None:
-        for old in sorted(folder.glob(FROZEN_NAMES), key=lambda file: file.stat().st_mtime)[
-            : 1 - FROZEN_KEPT
-        ]:
+        for old in oldest_first(folder.glob(FROZEN_NAMES))[: 1 - FROZEN_KEPT]:
             old.unlink(missing_ok=True)
             old.with_suffix(".json").unlink(missing_ok=True)
 

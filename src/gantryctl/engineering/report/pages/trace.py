@@ -35,7 +35,7 @@ def render_trace(shown: ShownTrace, beside: ShownTrace | None, title: str, made:
     verdict = Verdict(
         "RECORDING" if shown.trace.complete else "NOT CLOSED",
         Judged.OPEN,
-        f"{len(shown.trace)} rows, {shown.trace.duration_s:.3f} s{over}",
+        f"{len(shown.trace)} rows, {shown.trace.duration_s:.3f} s{_thinned(shown.trace)}{over}",
     )
     return render_sections(
         head,
@@ -48,6 +48,11 @@ def render_trace(shown: ShownTrace, beside: ShownTrace | None, title: str, made:
             Section("Columns", tables=[_columns(shown.trace)]),
         ],
     )
+
+
+def _thinned(trace: Trace) -> str:
+    """How many rows stand for more than a scan; "" for a recording with one row per scan."""
+    return f", {trace.rest_rows} of them at rest and further apart than a scan" if trace.rest_rows else ""
 
 
 def _picture(shown: ShownTrace, beside: ShownTrace | None) -> Picture:
