@@ -46,6 +46,7 @@ def test_a_person_logs_in_with_a_password_and_out_again(
     page = context.new_page()
     page.goto(address(page_service))
     page.get_by_label("User").fill("viewer")
+    expect(page.get_by_label("Password")).to_have_attribute("type", "password")
     page.get_by_label("Password").fill("not the password")
     page.get_by_role("button", name="Log in").click()
     expect(page.get_by_role("alert")).to_have_text("User or password is wrong.")

@@ -15,8 +15,9 @@ from gantryctl.gateway.app import build_app
 from gantryctl.gateway.routes import API, ROUTES
 from gantryctl.gateway.settings import LOGINS_RESERVE, REQUESTS_RESERVE, Settings
 from gantryctl.gateway.static import Page
-from gantryctl.service.memory.memory import SharedMemory
+from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.roles import Role
+from gantryctl.service.recorder.journal import Journal
 from gantryctl.service.supervisor import users
 from gantryctl.service.supervisor.users import Users
 
@@ -45,8 +46,12 @@ def ask(
     }  # fmt: skip
     said: list[Any] = []
 
+    sent = iter([{"type": "http.request", "body": body}])
+
     async def receive() -> Any:
-        return {"type": "http.request", "body": body}
+        for message in sent:
+            return message
+        await asyncio.Event().wait()  # the client stays and listens
 
     async def send(message: Any) -> None:
         said.append(message)
@@ -163,3 +168,26 @@ def test_a_login_ends_the_session_that_its_browser_had(app: Any) -> None:
     assert works(first)
     _, second = log_in(first)
     assert (works(first), works(second), works(other)) == (False, True, True)
+
+
+def test_who_reads_evidence_is_in_the_journal(tmp_path: Path) -> None:
+    memory = SharedMemory.create()
+    Users(tmp_path).add("paula", Role.PHYSICIST, PASSWORD)
+    (tmp_path / "traces").mkdir()
+    (tmp_path / "traces" / "one.parquet").write_bytes(b"rows")
+    Journal(tmp_path).close()
+    app = build_app(
+        Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path), memory, Page(Path(__file__).parent)
+    )
+    body = json.dumps({"user": "paula", "password": PASSWORD}).encode()
+    cookie = ask(app, "POST", f"{API}/login", body=body)[1]["set-cookie"].partition("=")[2].partition(";")[0]
+    rows = json.loads(ask(app, "GET", f"{API}/traces", cookie=cookie)[2])
+    assert ask(app, "GET", f"{API}/traces/{rows[0]['id']}", cookie=cookie)[2] == b"rows"
+    assert ask(app, "GET", f"{API}/journal", cookie=cookie)[0] == 200
+    events = [json.loads(record or b"{}") for record in memory.events[Source.WEB].peek(10)]
+    read = [(each["user"], each["place"], each["text"]) for each in events if each["kind"] == "read"]
+    assert read == [
+        ("paula", "remote", "recording one.parquet was read"),
+        ("paula", "remote", "journal was read from 0"),
+    ]
+    memory.close()

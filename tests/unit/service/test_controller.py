@@ -14,14 +14,23 @@ from typing import Any
 import pytest
 
 from gantryctl.drives.virtual.side_channel.requests import Requests
-from gantryctl.errors import AlarmStop, DeviceError, UsageError
+from gantryctl.errors import AlarmStop, ConfigError, DeviceError, UsageError
 from gantryctl.image import DriveRequest, EncoderFlag, OutputImage, StopCause, SystemStop
-from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.machine import (
+    Machine,
+    config_hash,
+    configs_folder,
+    default_machine,
+    default_machine_path,
+    load_machine,
+    with_values,
+)
 from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.runtime import Engine, Retained, VirtualClock
+from gantryctl.service.controller import process
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
@@ -506,3 +515,17 @@ def test_a_reason_too_long_for_a_reply_is_refused_without_its_values_and_stops_n
         desk.scans(3)
         assert desk.ask("take", over=False) == ""
         assert desk.ask("power", on=True) == "PWR-04"
+
+
+def test_a_machine_file_that_has_changed_since_the_start_starts_no_controller(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "die_with_parent", lambda: None)
+    memory, config = SharedMemory.create(), tmp_path / "machine.toml"
+    config.write_bytes(default_machine_path().read_bytes())
+    before = config_hash(load_machine(config))
+    text = config.read_text(encoding="utf-8")
+    config.write_text(text.replace("kpp_per_s = 10.0", "kpp_per_s = 10.5"), encoding="utf-8")
+    with pytest.raises(ConfigError, match="has changed since the service was started"):
+        process.main([str(memory.handle), str(config), before, str(tmp_path)])
+    memory.close()

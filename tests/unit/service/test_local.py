@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import pwd
+import socket
+import struct
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +20,7 @@ from gantryctl.service.clients import local
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.roles import Role
 
 OF_USER = local._CONNECTIONS_OF_USER
 
@@ -109,6 +115,36 @@ def test_a_watcher_that_reads_nothing_is_closed(tmp_path: Path, monkeypatch: pyt
             if not hub.clients():
                 break
         assert not hub.clients()
+        writer.close()
+
+    run(tmp_path, check)
+
+
+@pytest.mark.parametrize(
+    ("uid", "name", "role"),
+    [
+        (0, "root", Role.SERVICE),
+        (4242, "uid 4242", Role.OPERATOR),
+        (os.getuid(), pwd.getpwuid(os.getuid()).pw_name, Role.SERVICE),
+    ],
+)
+def test_name_and_role_are_what_the_system_says_of_the_other_end(uid: int, name: str, role: Role) -> None:
+    class Connection:
+        def getsockopt(self, level: int, option: int, size: int) -> bytes:
+            assert (level, option) == (socket.SOL_SOCKET, socket.SO_PEERCRED)
+            return struct.pack("3i", 1, uid, 1)[:size]
+
+    connection: Any = Connection()
+    assert local.peer(connection) == (name, role)
+
+
+def test_who_comes_to_the_console_is_in_the_journal(tmp_path: Path) -> None:
+    async def check(hub: Hub, path: Path) -> None:
+        _, writer, client = await connect(path, watch=False)
+        event = json.loads(hub.events._ring.peek(1)[0] or b"{}")
+        me = pwd.getpwuid(os.getuid()).pw_name
+        found = (event["kind"], event["user"], event["place"], event["client"])
+        assert found == ("login", me, "local", client)
         writer.close()
 
     run(tmp_path, check)
