@@ -6,7 +6,16 @@ Only `plant` is the simulated world; nothing that controls may read it.
 
 from __future__ import annotations
 
-from gantryctl.machine.calibration import Calibration, Identified, Maps, calibration_toml, load_calibration
+from gantryctl.machine.calibration import (
+    NUMBERS,
+    Calibration,
+    Identified,
+    Maps,
+    Number,
+    Unknown,
+    calibration_toml,
+    load_calibration,
+)
 from gantryctl.machine.effective import (
     check_belongs,
     config_hash,
@@ -39,13 +48,16 @@ from gantryctl.machine.specs import FieldSpec, field_specs
 from gantryctl.machine.tables.model import Machine
 
 __all__ = [
+    "NUMBERS",
     "RULES",
     "Calibration",
     "FieldSpec",
     "Identified",
     "Machine",
     "Maps",
+    "Number",
     "Requirement",
+    "Unknown",
     "calibration_toml",
     "check_belongs",
     "config_hash",

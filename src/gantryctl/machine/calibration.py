@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal, TypeAlias, get_args
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine.reading import parse_toml, printable, read_text
@@ -44,8 +46,38 @@ class Origin(Table):
     trace_sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
 
+class Unknown(StrEnum):
+    """Why a number could not be identified."""
+
+    NO_WINDUP = "no_windup"
+    NO_FLANK = "no_flank"
+    NO_SPEED_LOOP = "no_speed_loop"
+    TOO_WIDE = "too_wide"
+
+    @property
+    def words(self) -> str:
+        """The reason for people."""
+        return _REASONS[self]
+
+
+_REASONS: Final = {
+    Unknown.NO_WINDUP: "the load shows no wind-up under acceleration: a rigid machine, or an instrument that does not "
+    "see the load or is too coarse for it",
+    Unknown.NO_FLANK: "acceleration turns the torque of the gears round, so backlash and wind-up cannot be told apart",
+    Unknown.NO_SPEED_LOOP: "the speed loop of the drive does not answer like a PI with a lag: switch filters and "
+    "observers of the drive off",
+    Unknown.TOO_WIDE: "on this travel and under these loads it cannot be told from other numbers",
+}
+
+Number: TypeAlias = Literal[
+    "moment_sine_nm", "moment_cosine_nm", "inertia_kg_m2", "motor_inertia_kg_m2", "stiffness_nm_per_rad",
+    "windup_per_acc_s2", "swing_hz", "friction_nm", "friction_load_ratio", "friction_nm_s_per_rad", "dead_time_s",
+]  # fmt: skip
+NUMBERS: Final[tuple[Number, ...]] = get_args(Number)
+
+
 class Identified(Table):
-    """[identified]: numbers at the gantry, SI.
+    """[identified]: numbers at the gantry, SI; one that could not be identified is left out.
 
     Attributes:
         moment_sine_nm, moment_cosine_nm: torque that holds the load, sine and cosine part over the angle.
@@ -60,17 +92,17 @@ class Identified(Table):
         dead_time_s: from the scan that computes a command until the torque answers it.
     """
 
-    moment_sine_nm: float = Field(ge=-2e5, le=2e5)
-    moment_cosine_nm: float = Field(ge=-2e5, le=2e5)
-    inertia_kg_m2: float = Field(gt=0.0, le=1e8)
-    motor_inertia_kg_m2: float = Field(gt=0.0, le=1e4)
-    stiffness_nm_per_rad: float = Field(ge=1e6, le=1e11)
-    windup_per_acc_s2: float = Field(gt=0.0, le=1.0)
-    swing_hz: float = Field(ge=0.1, le=100.0)
-    friction_nm: float = Field(ge=-2e5, le=2e5)
-    friction_load_ratio: float = Field(ge=-1.0, le=1.0)
-    friction_nm_s_per_rad: float = Field(ge=-1e7, le=1e7)
-    dead_time_s: float = Field(ge=0.0, le=0.1)
+    moment_sine_nm: float | None = Field(default=None, ge=-1e8, le=1e8)
+    moment_cosine_nm: float | None = Field(default=None, ge=-1e8, le=1e8)
+    inertia_kg_m2: float | None = Field(default=None, gt=0.0, le=1e9)
+    motor_inertia_kg_m2: float | None = Field(default=None, gt=0.0, le=1e4)
+    stiffness_nm_per_rad: float | None = Field(default=None, ge=1.0, le=1e13)
+    windup_per_acc_s2: float | None = Field(default=None, gt=0.0, le=1.0)
+    swing_hz: float | None = Field(default=None, ge=0.1, le=1000.0)
+    friction_nm: float | None = Field(default=None, ge=-1e8, le=1e8)
+    friction_load_ratio: float | None = Field(default=None, ge=-1.0, le=1.0)
+    friction_nm_s_per_rad: float | None = Field(default=None, ge=-1e10, le=1e10)
+    dead_time_s: float | None = Field(default=None, ge=0.0, le=0.1)
 
 
 class Maps(Table):
@@ -90,11 +122,43 @@ class Maps(Table):
 
 
 class Calibration(Table):
-    """A calibration file."""
+    """A calibration file.
+
+    Attributes:
+        half_width: half of the 95 % interval of each number of [identified].
+        unknown: numbers that could not be identified, each with its reason.
+    """
 
     origin: Origin
     identified: Identified
+    half_width: dict[Number, Annotated[float, Field(ge=0.0)]]
+    unknown: dict[Number, Unknown]
     maps: Maps
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Calibration:
+        known = {name for name in NUMBERS if getattr(self.identified, name) is not None}
+        if known != set(self.half_width):
+            odd = sorted(known ^ set(self.half_width))
+            raise ValueError(
+                f"half_width: must have the numbers of [identified], but not so {', '.join(odd)}"
+            )
+        if known & set(self.unknown) or known | set(self.unknown) != set(NUMBERS):
+            raise ValueError("unknown: must have every number that [identified] has not, and no other")
+        return self
+
+    def number(self, name: Number) -> float:
+        """An identified number.
+
+        Raises:
+            ConfigError: it could not be identified.
+        """
+        value: float | None = getattr(self.identified, name)
+        if value is None:
+            raise ConfigError(
+                [f"{self.origin.machine}: {name} could not be identified: {self.unknown[name].words}"]
+            )
+        return value
 
 
 def load_calibration(path: Path) -> Calibration:
@@ -135,8 +199,9 @@ def calibration_toml(calibration: Calibration) -> str:
     """The text of a calibration file."""
     lines = ["# Written by `gantryctl identify`; do not edit. SI, angles at the load."]
     for table_name, table in calibration:
+        rows = table.items() if isinstance(table, Mapping) else iter(table)
         lines += ["", f"[{table_name}]"]
-        lines += [f"{key} = {_value(value)}" for key, value in table]
+        lines += [f"{key} = {_value(value)}" for key, value in rows if value is not None]
     return "\n".join(lines) + "\n"
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import Final
 
 from gantryctl import _core
 from gantryctl.errors import ConfigError
-from gantryctl.machine import Calibration, Machine, check_belongs
+from gantryctl.machine import Calibration, Machine, Number, check_belongs
 from gantryctl.program.settings import CompensationSettings
 from gantryctl.units import deg, rad
 
@@ -65,7 +66,7 @@ def compensation(machine: Machine) -> _core.Compensation | None:
     maps = calibration.maps
     return _core.Compensation(
         switches,
-        numbers | _identified(calibration),
+        numbers | _identified(machine, calibration),
         list(maps.gear_rad),
         list(maps.reversal_rad),
         list(maps.scale_rad),
@@ -116,14 +117,38 @@ def _numbers(machine: Machine) -> dict[str, float]:
     }
 
 
-def _identified(calibration: Calibration) -> dict[str, float]:
-    """Values from the identification."""
-    found = calibration.identified
+# What each law lives on, in the words of the calibration.
+_LIVES_ON: Final[dict[str, tuple[Number, ...]]] = {
+    "torque.eccentric": ("moment_sine_nm", "moment_cosine_nm"),
+    "torque.acceleration": ("inertia_kg_m2",),
+    "windup.active": ("moment_sine_nm", "moment_cosine_nm", "stiffness_nm_per_rad", "windup_per_acc_s2"),
+    "damping.active": ("swing_hz", "windup_per_acc_s2"),
+}
+
+
+def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
+    """Values from the identification; 0 for what no law that is on asks for.
+
+    Raises:
+        ConfigError: a law that is on lives on a number that could not be identified.
+    """
+    config, found = machine.control.compensation, calibration.identified
+    lines = [
+        f"{machine.name}: [control.compensation] {law} lives on {name}, which could not be identified: "
+        f"{calibration.unknown[name].words}; switch {law} off"
+        for law, names in _LIVES_ON.items()
+        if attrgetter(law)(config)
+        for name in names
+        if name in calibration.unknown
+    ]
+    if lines:
+        raise ConfigError(lines)
+    stiffness, swing_hz = found.stiffness_nm_per_rad, found.swing_hz
     return {
-        "moment_sine_nm": found.moment_sine_nm,
-        "moment_cosine_nm": found.moment_cosine_nm,
-        "inertia_kg_m2": found.inertia_kg_m2,
-        "compliance_rad_per_nm": 1.0 / found.stiffness_nm_per_rad,
-        "windup_per_acc_s2": found.windup_per_acc_s2,
-        "swing_rad_s": 2.0 * math.pi * found.swing_hz,
+        "moment_sine_nm": found.moment_sine_nm or 0.0,
+        "moment_cosine_nm": found.moment_cosine_nm or 0.0,
+        "inertia_kg_m2": found.inertia_kg_m2 or 0.0,
+        "compliance_rad_per_nm": 1.0 / stiffness if stiffness else 0.0,
+        "windup_per_acc_s2": found.windup_per_acc_s2 or 0.0,
+        "swing_rad_s": 2.0 * math.pi * (swing_hz or 0.0),
     }

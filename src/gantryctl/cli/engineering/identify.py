@@ -63,16 +63,17 @@ def identify(
     """Measure friction, eccentric moment, inertia, stiffness, gear map and dead time of this machine.
 
     Slow turns both ways, swings, a creep and an excited speed loop through the position loop, all compensations off,
-    while an instrument watches the load: 20 minutes of axis time. The controller's compensations live on the file that
-    this writes and on nothing else. On a bus only what the drive and the instrument say is used. Where the load is
-    simulated the identified values stand beside the truth.
+    while an instrument watches the load: some 20 minutes of axis time, by travel and speed. The controller's
+    compensations live on the file that this writes and on nothing else. Each number has a 95 % interval; one that this
+    travel and these loads do not show is named with the reason. On a bus only what the drive and the instrument say is
+    used. Where the load is simulated the identified values stand beside the truth.
     """
     from gantryctl.engineering.identification import calibration_of, comparisons, fit
     from gantryctl.machine import calibration_toml
 
     machine = machine_under_test(config_file, "identify", calibrated=False)
     path = out or _usual_place(machine, config_file)
-    # Before 20 minutes of axis time, not after them.
+    # Before the axis has moved for minutes, not after them.
     version = _next_version(path, force)
     found = fit(machine, _recorded(machine, instrument, seed, yes, quiet=as_json))
     calibration = calibration_of(machine, found, datetime.date.today().isoformat(), version)
@@ -92,10 +93,11 @@ def _is_simulated(machine: Machine) -> bool:
 
 def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet: bool) -> MotionRecording:
     from gantryctl.engineering.identification import EngineAxis, LoadInstrument, SimulatedAxis, record
-    from gantryctl.engineering.identification.measure import quiet_machine, travel_of
+    from gantryctl.engineering.identification.experiment import experiment_of
+    from gantryctl.engineering.identification.measure import quiet_machine
     from gantryctl.errors import UsageError
+    from gantryctl.machine.places import reach_deg
 
-    low, high = travel_of(machine)
     if not machine.on_bus:
         watching = {SIMULATED: LoadInstrument.TRACKER, LOAD_ENCODER: LoadInstrument.LOAD_ENCODER}
         if instrument not in watching:
@@ -103,7 +105,9 @@ def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet:
                 f'--instrument {instrument}: with [drive] kind = "sim" it is {SIMULATED} or {LOAD_ENCODER}'
             )
         return record(SimulatedAxis(machine, watching[instrument], seed))
-    moves = f"moves for 20 minutes between {low:g} and {high:g} deg, at up to {machine.speed.setting_max_deg_s:g} deg/s"
+    low, high = reach_deg(machine)
+    minutes, fastest = experiment_of(machine).minutes, machine.speed.setting_max_deg_s
+    moves = f"moves for {minutes:.0f} minutes between {low:g} and {high:g} deg, at up to {fastest:g} deg/s"
     with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
         seeing = instrument_at(instrument, run, seed)
         progress = None if quiet else lambda what: click.echo(what, err=True)
@@ -124,7 +128,7 @@ def _next_version(path: Path, force: bool) -> int:
     from gantryctl.errors import ConfigError, UsageError
     from gantryctl.machine.calibration import calibration_version
 
-    # Before 20 minutes of axis time: a folder that is missing, a file that exists, a file of another kind.
+    # Before the axis moves: a folder that is missing, a file that exists, a file of another kind.
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no directory {path.parent}")
     if not path.exists():
@@ -143,10 +147,8 @@ def _next_version(path: Path, force: bool) -> int:
 def _show(
     path: Path, machine: Machine, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
 ) -> None:
-    from gantryctl.engineering.identification.text import numbers_table, truth_table
+    from gantryctl.engineering.identification.text import numbers_table, truth_table, unknown_lines
 
-    swing = calibration.identified.swing_hz
-    acc = machine.virtual_axis.acc_deg_s2
     click.echo(
         f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by "
         f"{calibration.origin.instrument}; the fit leaves {found.residual_deg:.5f} deg (rms)"
@@ -155,16 +157,21 @@ def _show(
         print_table(truth_table("Identified, beside the truth of the simulator", "found", beside, digits=6))
     else:
         print_table(numbers_table(calibration))
-    click.echo(
-        f"\nFirst mode with the motor held: {swing:.2f} Hz. An S-curve whose ramps last one period of it: "
-        f"jerk_deg_s3 = {acc * swing:.3g} with the present acc_deg_s2 = {acc:.4g}."
-    )
+    for line in ("", *unknown_lines(calibration)):
+        click.echo(line)
+    swing, acc = calibration.identified.swing_hz, machine.virtual_axis.acc_deg_s2
+    if swing is not None:
+        click.echo(
+            f"First mode with the motor held: {swing:.2f} Hz. An S-curve whose ramps last one period of it: "
+            f"jerk_deg_s3 = {acc * swing:.3g} with the present acc_deg_s2 = {acc:.4g}."
+        )
     click.echo(f"wrote {path} (version {calibration.origin.version})")
 
 
 def _data(
     path: Path, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
 ) -> dict[str, Any]:
+    loop = found.recording.speed_loop
     return {
         "file": str(path),
         "calibration": calibration.model_dump(mode="json"),
@@ -172,6 +179,6 @@ def _data(
         "axis_time_s": found.recording.axis_time_s,
         "instrument_delay_s": found.delay_s,
         "balance": found.balance._asdict(),
-        "speed_loop": found.recording.speed_loop._asdict(),
+        "speed_loop": None if loop is None else loop._asdict(),
         "truth": [c._asdict() for c in beside],
     }

@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop
+from gantryctl.engineering.analysis.measured.speed_loop import MISFIT_LOUD, SpeedLoop
+from gantryctl.engineering.identification.experiment import Experiment, experiment_of
 from gantryctl.engineering.identification.samples import MoveLog, Samples, hash_of, joined, steady
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
-from gantryctl.machine.places import fitted_stretch_deg, reach_deg
 
-# Speed of the slow turns: friction is steady, and the tooth mesh passes below the first mode.
-TURN_DEG_S: Final = 1.0
-# Speed of the creep: the waves of the reducer pass slowly enough for the load to follow.
-CREEP_DEG_S: Final = 0.1
-CREEP_DEG: Final = 8.2
-# Swings for inertia and wind-up, on both sides of 0: where the eccentric moment is large, acceleration does not turn
-# the torque of the mesh round, and its backlash stays out of the wind-up.
-SWING_DEG: Final = (50.0, 130.0)
-SWING_DEG_S: Final = 3.5
-SWING_ACC_DEG_S2: Final = 0.3
-# Where, and how fast, the speed loop is measured: friction slides.
-SPEED_LOOP_DEG: Final = 60.0
-# Room that it turns in meanwhile.
-_SPEED_LOOP_WAY_DEG: Final = 50.0
-# Of the rated torque: far above ripple and quantisation, far below the limit.
-SPEED_LOOP_SHARE: Final = 0.15
-# Of the travel, kept at both ends.
-_MARGIN_DEG: Final = 0.5
-# Acceleration ramps of the runs.
-_JERK_TIME_S: Final = 0.5
+# Of the rated torque: far above ripple and quantisation, far below the limit. An axis whose speed loop does not answer
+# like a linear one is asked again more quietly: gears that leave their flank are not linear.
+SPEED_LOOP_SHARES: Final = (0.15, 0.04)
+# Of the rated torque, which holds the load and turns it: beyond it a measurement is stopped.
+TORQUE_LIMIT_SHARE: Final = 1.0
 
 _OFF: Final = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
@@ -97,7 +83,8 @@ class MotionRecording:
 
     Attributes:
         turns: slow turns, forward and back. swings: faster moves, steady stretches. creep: a slow crawl.
-        speed_loop: of the drive, as measured.
+        experiment: places, speeds and times.
+        speed_loop: of the drive, as measured; None where it does not answer like a PI with a lag.
         instrument: what watched the load. sees_space: it measures the load in space.
         has_ring: a load-side encoder was recorded.
         axis_time_s: length of the runs.
@@ -107,7 +94,8 @@ class MotionRecording:
     turns: Samples
     swings: Samples
     creep: Samples
-    speed_loop: SpeedLoop
+    experiment: Experiment
+    speed_loop: SpeedLoop | None
     instrument: str
     sees_space: bool
     has_ring: bool
@@ -118,7 +106,8 @@ class MotionRecording:
 
 def quiet_machine(machine: Machine) -> Machine:
     """The machine as it is identified: every compensation off, ramps of the experiment."""
-    acc = min(SWING_ACC_DEG_S2, machine.virtual_axis.acc_deg_s2)
+    experiment = experiment_of(machine)
+    acc = experiment.swing_acc_deg_s2
     at = "control.compensation."
     changes: dict[str, object] = {at + key: False for key in _OFF}
     return with_values(
@@ -129,52 +118,35 @@ def quiet_machine(machine: Machine) -> Machine:
             "virtual_axis.profile": "jerk_limited",
             "virtual_axis.acc_deg_s2": acc,
             "virtual_axis.dec_deg_s2": acc,
-            "virtual_axis.jerk_deg_s3": acc / _JERK_TIME_S,
+            "virtual_axis.jerk_deg_s3": acc / experiment.jerk_time_s,
         },
     )
 
 
-def travel_of(machine: Machine) -> tuple[float, float]:
-    """Ends of the slow turns, deg.
-
-    Raises:
-        UsageError: the travel is shorter than half a turn: the maps would have no ground.
-    """
-    least, most = reach_deg(machine)
-    low, high = least + _MARGIN_DEG, most - _MARGIN_DEG
-    # Sixteen harmonics over less than half a turn cannot be told apart.
-    if high - low < 180.0:
-        raise UsageError(
-            f"identification needs at least half a turn of travel, [axis] gives {high - low + 1.0:g} deg"
-        )
-    return low, high
-
-
 def record(axis: AxisUnderTest) -> MotionRecording:
-    """Turn slowly through the travel both ways, swing at both sides, creep, and excite the speed loop: 18 minutes.
+    """Turn slowly through the travel both ways, swing at both sides, creep, and excite the speed loop.
 
     Raises:
-        UsageError: the travel is too short, or the speed loop cannot be read. AlarmStop: the axis was stopped.
+        AlarmStop: the axis was stopped.
     """
     machine = axis.machine
-    low, high = travel_of(machine)
-    fast = machine.speed.setting_max_deg_s
-    near, far = SWING_DEG
-    axis.go(fitted_stretch_deg(machine, SPEED_LOOP_DEG, SPEED_LOOP_DEG + _SPEED_LOOP_WAY_DEG)[0], fast)
-    loop = axis.speed_loop(SPEED_LOOP_SHARE * machine.motor.torque_rated_nm)
+    experiment = experiment_of(machine)
+    low, high, fast = experiment.low_deg, experiment.high_deg, machine.speed.setting_max_deg_s
+    loop = _speed_loop(axis, experiment, fast)
     axis.go(low, fast)
-    turns = [steady(axis.go(to, TURN_DEG_S), cruise_only=True) for to in (high, low)]
+    turns = [steady(axis.go(to, experiment.turn_deg_s), experiment, cruise_only=True) for to in (high, low)]
     swings = []
-    outer_low, inner_low = fitted_stretch_deg(machine, -far, -near)
-    for inner, outer in ((inner_low, outer_low), fitted_stretch_deg(machine, near, far)):
+    for inner, outer in experiment.swings_deg:
         axis.go(inner, fast)
-        swings += [steady(axis.go(to, SWING_DEG_S), cruise_only=False) for to in (outer, inner)]
-    start, end = fitted_stretch_deg(machine, -0.5 * CREEP_DEG, 0.5 * CREEP_DEG)
+        logs = [axis.go(to, experiment.swing_deg_s) for to in (outer, inner)]
+        swings += [steady(log, experiment, cruise_only=False) for log in logs]
+    start, end = experiment.creep_deg
     axis.go(start, fast)
-    creep = steady(axis.go(end, CREEP_DEG_S), cruise_only=True)
+    creep = steady(axis.go(end, experiment.creep_deg_s), experiment, cruise_only=True)
     parts = (joined(turns), joined(swings), creep)
     return MotionRecording(
         *parts,
+        experiment=experiment,
         speed_loop=loop,
         instrument=axis.instrument,
         sees_space=axis.sees_space,
@@ -183,3 +155,15 @@ def record(axis: AxisUnderTest) -> MotionRecording:
         axis_time_s=axis.time_s,
         trace_sha256=hash_of(parts),
     )
+
+
+def _speed_loop(axis: AxisUnderTest, experiment: Experiment, fast_deg_s: float) -> SpeedLoop | None:
+    """The speed loop at the loudest signal to which it answers like one, else as well as it does; None for not."""
+    found: list[SpeedLoop] = []
+    for share in SPEED_LOOP_SHARES:
+        axis.go(experiment.speed_loop_deg, fast_deg_s)
+        with suppress(UsageError):
+            found.append(axis.speed_loop(share * axis.machine.motor.torque_rated_nm))
+        if found and found[-1].misfit <= MISFIT_LOUD:
+            break
+    return min(found, key=lambda loop: loop.misfit, default=None)

@@ -15,10 +15,11 @@ import numpy as np
 
 from gantryctl.engineering.analysis.measured.on_engine import EngineProbe
 from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop, measured_speed_loop
-from gantryctl.engineering.identification.measure import TURN_DEG_S
+from gantryctl.engineering.identification.experiment import experiment_of
+from gantryctl.engineering.identification.measure import TORQUE_LIMIT_SHARE
 from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.engineering.instruments import Instrument
-from gantryctl.errors import CommandRefused, InstrumentError
+from gantryctl.errors import CommandRefused, InstrumentError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Snapshot
@@ -30,10 +31,9 @@ from gantryctl.units import rad
 
 Progress = Callable[[str], None]
 
-_SETTLE_S: Final = 3.0
-_TORQUE_LIMIT_SHARE: Final = 0.5
-# Trials of the amplitude, settling and measuring, and the ramps.
-_SPEED_LOOP_S: Final = 60.0
+# Of the travel, kept where the speed loop is measured.
+_MARGIN_DEG: Final = 0.5
+_CALM_S: Final = 3.0
 
 
 class _Readings:
@@ -96,6 +96,7 @@ class EngineAxis:
         recorder = run.engine.recorder
         assert isinstance(recorder, MemoryRecorder)
         self.machine, self._run, self._recorder = machine, run, recorder
+        self._experiment = experiment_of(machine)
         self._readings = _Readings(instrument)
         self.instrument = instrument.name
         self.has_ring = machine.can.load_encoder.source != "none"
@@ -135,7 +136,7 @@ class EngineAxis:
             report = run.move(to_deg, speed, override)
             if not report.done:
                 raise CommandRefused(f"the move to {to_deg:g} deg ended early: {report.ending.name.lower()}")
-            run.follow(_SETTLE_S)
+            run.follow(self._experiment.settle_s)
         if not readings.rows:
             raise readings.fault or InstrumentError(f"{self.instrument}: no reading during a move")
         return self._log(self._recorder.trace())
@@ -169,12 +170,16 @@ class EngineAxis:
         """Turn slowly from where the axis stands, excite the speed loop, come to rest."""
         run = self._run
         self._say("the speed loop of the drive, turning slowly")
-        speed, override = self._speed(TURN_DEG_S)
-        target = run.angle_deg + TURN_DEG_S * _SPEED_LOOP_S
-        run.begin_move(min(target, reach_deg(self.machine)[1] - 0.5), speed, override)
-        run.follow(_SETTLE_S + TURN_DEG_S / self.machine.virtual_axis.acc_deg_s2)
-        probe = EngineProbe(run, _TORQUE_LIMIT_SHARE * self.machine.motor.torque_rated_nm)
-        found = measured_speed_loop(probe, torque_nm)
+        turning_deg_s = self._experiment.speed_loop_deg_s
+        # To the end of the travel: the measurement is over before.
+        run.begin_move(reach_deg(self.machine)[1] - _MARGIN_DEG, *self._speed(turning_deg_s))
+        run.follow(_CALM_S + turning_deg_s / self._experiment.swing_acc_deg_s2)
+        probe = EngineProbe(run, TORQUE_LIMIT_SHARE * self.machine.motor.torque_rated_nm)
+        try:
+            found = measured_speed_loop(probe, torque_nm)
+        except UsageError:
+            run.halt()
+            raise
         run.halt()
         return found
 

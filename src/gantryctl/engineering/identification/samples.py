@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gantryctl.engineering.identification.experiment import Experiment
 from gantryctl.units import rad
 
 Floats = NDArray[np.float64]
 
-# After a change of the acceleration.
-_TRANSIENT_S: Final = 2.0
-# Slower than this the axis stands.
-_MOVES_RAD_S: Final = rad(0.05)
+# Of the creep: slower than this the axis stands.
+_MOVES_SHARE: Final = 0.5
+# What the model does not know lasts: a gust of wind some 10 s (100 m at 10 m/s), a wave of the gear part of a turn.
+_TOGETHER_S: Final = 30.0
+_TOGETHER_SHARE: Final = 1.0 / 12.0
 
 
 class MoveLog(NamedTuple):
@@ -50,6 +52,7 @@ class Samples:
     Attributes:
         act_rad: by the motor encoder. load_rad: by the instrument. ring_rad: by the load-side encoder.
         vel_rad_s, acc_rad_s2: of the set-point. torque_nm: of the motor.
+        stretch: number of the piece of time that a sample belongs to; what disturbs one disturbs its neighbours.
     """
 
     act_rad: Floats
@@ -58,6 +61,7 @@ class Samples:
     vel_rad_s: Floats
     acc_rad_s2: Floats
     torque_nm: Floats
+    stretch: Floats
 
     # Kept: fits evaluate their model of the samples again and again.
     @cached_property
@@ -81,16 +85,17 @@ class Samples:
 
 
 _NAMES: Final = tuple(Samples.__dataclass_fields__)
+_MEASURED: Final = tuple(name for name in _NAMES if name != "stretch")
 
 
-def steady(log: MoveLog, *, cruise_only: bool) -> Samples:
+def steady(log: MoveLog, experiment: Experiment, *, cruise_only: bool) -> Samples:
     """The stretches of a log at constant speed, or at constant acceleration as well."""
     vel, acc = log.vel_rad_s, log.acc_rad_s2
     even = np.abs(np.diff(acc, prepend=acc[0])) < 1e-12
     # The swing of the load dies out; what is left belongs to maps and wind-up.
-    skip = round(_TRANSIENT_S / log.period_s)
+    skip = round(experiment.transient_s / log.period_s)
     since = np.arange(len(vel)) - np.maximum.accumulate(np.where(even, 0, np.arange(len(vel))))
-    keep = even & (since > skip) & (np.abs(vel) > _MOVES_RAD_S)
+    keep = even & (since > skip) & (np.abs(vel) > _MOVES_SHARE * rad(experiment.creep_deg_s))
     if cruise_only:
         keep &= np.abs(acc) < 1e-9
     chosen, block = np.flatnonzero(keep), log.block
@@ -110,18 +115,29 @@ def steady(log: MoveLog, *, cruise_only: bool) -> Samples:
         vel_rad_s=mean(vel),
         acc_rad_s2=mean(acc),
         torque_nm=np.asarray(log.torque_nm[rows].mean(axis=1)),
+        stretch=np.asarray(rows[:, 0] // round(_together_s(experiment) / log.period_s), dtype=np.float64),
     )
 
 
+def _together_s(experiment: Experiment) -> float:
+    turn_s = (experiment.high_deg - experiment.low_deg) / experiment.turn_deg_s
+    return min(_TOGETHER_S, _TOGETHER_SHARE * turn_s)
+
+
 def joined(parts: Sequence[Samples]) -> Samples:
-    """One after the other."""
-    return Samples(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in _NAMES})
+    """One after the other; stretches of two parts are never the same."""
+    numbered = [replace(part, stretch=_numbers_from(1e6 * k, part.stretch)) for k, part in enumerate(parts)]
+    return Samples(**{name: np.concatenate([getattr(part, name) for part in numbered]) for name in _NAMES})
+
+
+def _numbers_from(first: float, stretch: Floats) -> Floats:
+    return np.asarray(first + np.unique(stretch, return_inverse=True)[1], dtype=np.float64)
 
 
 def hash_of(parts: Sequence[Samples]) -> str:
     """SHA-256 of the samples, 64 hexadecimal digits."""
     digest = hashlib.sha256()
     for part in parts:
-        for name in _NAMES:
+        for name in _MEASURED:
             digest.update(np.ascontiguousarray(getattr(part, name)).tobytes())
     return digest.hexdigest()

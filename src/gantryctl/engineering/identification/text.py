@@ -1,12 +1,13 @@
-"""Identified numbers beside the truth of the simulator, as a table of text."""
+"""Identified numbers, beside the truth of the simulator where there is one, as a table of text."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
-from gantryctl.engineering.identification.truth import Comparison
+from gantryctl.engineering.identification.truth import LABELS, Comparison
 from gantryctl.engineering.report.text import TextTable
-from gantryctl.machine import Calibration
+from gantryctl.machine import NUMBERS, Calibration
 
 
 def truth_table(title: str, head: str, rows: Iterable[Comparison], digits: int) -> TextTable:
@@ -14,33 +15,36 @@ def truth_table(title: str, head: str, rows: Iterable[Comparison], digits: int) 
     cells = tuple(
         (
             row.name,
-            f"{row.identified:.{digits}g}",
+            "-" if row.identified is None else f"{row.identified:.{digits}g}",
+            _interval(row.half_width),
             f"{row.truth:.{digits}g}",
             row.unit,
-            f"{row.error_percent:+.1f} %" if row.truth else "",
+            "" if math.isnan(row.error_percent) else f"{row.error_percent:+.1f} %",
         )
         for row in rows
     )
-    return TextTable(title, ("", head, "truth", "", "off by"), cells)
-
-
-_UNITS = {
-    "moment_sine_nm": ("eccentric moment, sine", "N m"),
-    "moment_cosine_nm": ("eccentric moment, cosine", "N m"),
-    "inertia_kg_m2": ("inertia of load and motor", "kg m2"),
-    "motor_inertia_kg_m2": ("inertia at the motor", "kg m2"),
-    "stiffness_nm_per_rad": ("stiffness, base included", "N m/rad"),
-    "windup_per_acc_s2": ("wind-up per acceleration", "s2"),
-    "swing_hz": ("first mode, motor held", "Hz"),
-    "friction_nm": ("Coulomb friction, unloaded", "N m"),
-    "friction_load_ratio": ("friction per load", ""),
-    "friction_nm_s_per_rad": ("friction per speed", "N m s/rad"),
-    "dead_time_s": ("dead time", "s"),
-}
+    return TextTable(title, ("", head, "+- (95 %)", "truth", "", "off by"), cells)
 
 
 def numbers_table(calibration: Calibration) -> TextTable:
     """The identified numbers alone, where nobody knows the truth."""
-    found = calibration.identified
-    rows = tuple((name, f"{getattr(found, key):.6g}", unit) for key, (name, unit) in _UNITS.items())
-    return TextTable("Identified", ("", "found", ""), rows)
+    found = {
+        name: (getattr(calibration.identified, name), half) for name, half in calibration.half_width.items()
+    }
+    rows = tuple(
+        (LABELS[name][0], f"{found[name][0]:.6g}", _interval(found[name][1]), LABELS[name][1])
+        for name in NUMBERS
+        if name in found
+    )
+    return TextTable("Identified", ("", "found", "+- (95 %)", ""), rows)
+
+
+def unknown_lines(calibration: Calibration) -> list[str]:
+    """A line for each number that could not be identified, with the reason."""
+    return [
+        f"not identified: {LABELS[name][0]}: {reason.words}" for name, reason in calibration.unknown.items()
+    ]
+
+
+def _interval(half_width: float | None) -> str:
+    return "" if half_width is None else f"{half_width:.2g}"

@@ -1,8 +1,9 @@
 """Eccentric moment, inertia and friction from the motor torque of steady motion.
 
     i T = Tg + J_m acc + z (F_m + mu |Tg|)                        T motor torque, z direction of motion
-    Tg  = Ms sin x + Mc cos x + z F_l + F_v v + J_l acc           torque in the mesh
+    Tg  = Ms sin x + Mc cos x + M0 + z F_l + F_v v + J_l acc      torque in the mesh
 
+M0 is what pulls one way at every angle: the mean of a wind, a hose. It is no part of what a controller is told.
 The motor's friction grows with the torque that it transmits. Left out, that part looks like 5 % more moment: it turns
 round with the direction, as moment does where the mesh torque keeps its sign. All of it at the gantry.
 """
@@ -13,22 +14,24 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gantryctl.engineering.identification.least_squares import Estimate, covariance_of
 from gantryctl.engineering.identification.samples import Floats, Samples
 
 _ITERATIONS: Final = 40
 _HALVINGS: Final = 10
 # Less than this is rounding, not a better fit.
 _LESS: Final = 1.0 - 1e-12
-# Begin near the reference gantry: N m, N m, N m, N m, 1, N m s/rad, kg m2.
-_START: Final = (1e4, 1e3, 5e3, 5e3, 0.05, 1e4, 2e6)
-_SIZE: Final = np.array([1e4, 1e4, 1e3, 1e3, 0.1, 1e4, 1e6])
+_STEP: Final = 1e-4
+# Before anything is measured: friction per load, and the others in parts of the largest torque that was seen.
+_LOAD_RATIO_SPREAD: Final = 0.3
+_TORQUE_SPREAD: Final = 3.0
 
 
 class TorqueBalance(NamedTuple):
     """The numbers, at the gantry.
 
     Attributes:
-        moment_sine_nm, moment_cosine_nm: torque that holds the load.
+        moment_sine_nm, moment_cosine_nm, moment_constant_nm: torque that holds the load.
         friction_load_side_nm, friction_motor_side_nm: Coulomb friction behind and before the mesh.
         friction_load_ratio: part of the mesh torque that the motor side loses as friction.
         viscous_nm_s_per_rad: growth of friction with speed.
@@ -38,6 +41,7 @@ class TorqueBalance(NamedTuple):
 
     moment_sine_nm: float
     moment_cosine_nm: float
+    moment_constant_nm: float
     friction_load_side_nm: float
     friction_motor_side_nm: float
     friction_load_ratio: float
@@ -52,6 +56,7 @@ class TorqueBalance(NamedTuple):
         return np.asarray(
             self.moment_sine_nm * samples.sine
             + self.moment_cosine_nm * samples.cosine
+            + self.moment_constant_nm
             + samples.direction * self.friction_load_side_nm
             + self.viscous_nm_s_per_rad * samples.vel_rad_s
             + self.inertia_load_kg_m2 * acc
@@ -64,9 +69,21 @@ class TorqueBalance(NamedTuple):
         return np.asarray(mesh + self.inertia_motor_kg_m2 * samples.acc_rad_s2 + samples.direction * lost)
 
 
+class BalanceFit(NamedTuple):
+    """The balance, and how sure its values are.
+
+    Attributes:
+        half_width: half of the 95 % interval of each value of the balance, by its name; of `inertia_kg_m2` and
+            `friction_nm` too, the sums of both sides.
+    """
+
+    balance: TorqueBalance
+    half_width: dict[str, float]
+
+
 def torque_balance(
     samples: Samples, ratio: float, motor_inertia_kg_m2: float, lack_kg_m2: float
-) -> TorqueBalance:
+) -> BalanceFit:
     """Least squares over the samples: Gauss and Newton, each step halved until it lowers what is left.
 
     Whole steps go round for ever: |Tg| has a corner wherever the mesh torque changes its sign.
@@ -77,19 +94,30 @@ def torque_balance(
             (`SpeedLoop.sampled_torque_lack_kg_m2`).
     """
     square = ratio * ratio
+    inertia_motor = square * motor_inertia_kg_m2
     wanted = samples.torque_nm * ratio + square * lack_kg_m2 * samples.acc_rad_s2
+    spread = _spread(samples, wanted)
 
     def balance(x: Floats) -> TorqueBalance:
-        return TorqueBalance._make([*x.tolist(), square * motor_inertia_kg_m2, 0.0])
+        return TorqueBalance._make([*x.tolist(), inertia_motor, 0.0])
+
+    def slope_at(x: Floats) -> Floats:
+        now, steps = balance(x).torque_nm(samples), np.diag(_STEP * spread)
+        sides = [(balance(x + step).torque_nm(samples) - now) / step.sum() for step in steps]
+        return np.column_stack(sides)
+
+    x = _first(samples, wanted - inertia_motor * samples.acc_rad_s2)
+    # One sample over what each value may be: on a turn of the reference gantry it moves nothing.
+    prior = float(np.std(wanted - balance(x).torque_nm(samples))) / spread
 
     def left_over(x: Floats) -> float:
-        return float(np.sum((wanted - balance(x).torque_nm(samples)) ** 2))
+        return float(np.sum((wanted - balance(x).torque_nm(samples)) ** 2) + np.sum((prior * x) ** 2))
 
-    x = np.array(_START)
     for _ in range(_ITERATIONS):
-        now, before = balance(x).torque_nm(samples), left_over(x)
-        slope = np.column_stack([balance(x + 1e-4 * row).torque_nm(samples) - now for row in np.diag(_SIZE)])
-        step = np.linalg.lstsq(slope * 1e4, wanted - now, rcond=None)[0] * _SIZE
+        before = left_over(x)
+        columns = np.vstack([slope_at(x), np.diag(prior)]) * spread
+        off = np.append(wanted - balance(x).torque_nm(samples), -prior * x)
+        step = np.linalg.lstsq(columns, off, rcond=None)[0] * spread
         share = next(
             (2.0**-k for k in range(_HALVINGS) if left_over(x + 2.0**-k * step) < _LESS * before), None
         )
@@ -97,4 +125,36 @@ def torque_balance(
             break
         x = x + share * step
     left = wanted - balance(x).torque_nm(samples)
-    return balance(x)._replace(residual_nm=float(np.sqrt(np.mean(left**2))))
+    found = balance(x)._replace(residual_nm=float(np.sqrt(np.mean(left**2))))
+    covariance, pieces = covariance_of(slope_at(x), left, samples.stretch, spread)
+    return BalanceFit(found, _half_widths(Estimate(x, covariance, pieces)))
+
+
+def _spread(samples: Samples, wanted: Floats) -> Floats:
+    """What each value may be before anything is measured."""
+    torque = _TORQUE_SPREAD * float(np.max(np.abs(wanted)))
+    speed, acc = (float(np.max(np.abs(v))) for v in (samples.vel_rad_s, samples.acc_rad_s2))
+    return np.array(
+        [torque, torque, torque, torque, torque, _LOAD_RATIO_SPREAD, torque / speed, torque / max(acc, 1e-9)]
+    )
+
+
+def _first(samples: Samples, wanted: Floats) -> Floats:
+    """Where the search begins: without friction that grows with the load, and as much on either side."""
+    z = samples.direction
+    columns = [samples.sine, samples.cosine, np.ones_like(z), z, samples.vel_rad_s, samples.acc_rad_s2]
+    sine, cosine, constant, friction, viscous, inertia = np.linalg.lstsq(
+        np.column_stack(columns), wanted, rcond=None
+    )[0]
+    return np.array([sine, cosine, constant, 0.5 * friction, 0.5 * friction, 0.0, viscous, inertia])
+
+
+def _half_widths(found: Estimate) -> dict[str, float]:
+    names = TorqueBalance._fields[: len(found.values)]
+    unit = np.eye(len(names))
+    by_name = {name: found.half_width_of(row) for name, row in zip(names, unit, strict=True)}
+    both = unit[names.index("friction_load_side_nm")] + unit[names.index("friction_motor_side_nm")]
+    return by_name | {
+        "friction_nm": found.half_width_of(both),
+        "inertia_kg_m2": by_name["inertia_load_kg_m2"],
+    }

@@ -24,14 +24,15 @@ from gantryctl.engineering.analysis.measured.response import (
     measure_on,
 )
 from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop, measured_speed_loop
-from gantryctl.engineering.identification.measure import SPEED_LOOP_DEG, SPEED_LOOP_SHARE, TURN_DEG_S
+from gantryctl.engineering.identification.experiment import experiment_of
+from gantryctl.engineering.identification.measure import SPEED_LOOP_SHARES
 from gantryctl.engineering.stops import check_quick_stop
 from gantryctl.engineering.tuning.by_margins import STATED, Conditions, by_margins
 from gantryctl.engineering.tuning.gains import Gains, configured, machine_with
 from gantryctl.errors import ConfigError, StateError, UsageError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine, with_values
-from gantryctl.machine.places import fitted_stretch_deg
+from gantryctl.machine.places import reach_deg
 from gantryctl.operation.run import AxisRun
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.simulator import drive_params
@@ -42,7 +43,6 @@ TVI_WITHIN: Final = 0.25
 # Of the proposal's own limit: noise of a measured line, and one cycle of the bus that the linear model leaves out.
 SENSITIVITY_WITHIN: Final = 0.15
 _CALM_S: Final = 4.0
-_WAY_DEG: Final = 45.0
 _SHORTEST_LAG_S: Final = 1e-5
 _TRIALS: Final = 8
 _SOFTER: Final = 0.7
@@ -124,12 +124,16 @@ def measured_drive(machine: Machine, run: AxisRun) -> DriveFigures:
         UsageError: the speed loop cannot be read. AlarmStop: the axis was stopped.
     """
     lowest = machine.speed.setting_min_deg_s
-    start_deg, end_deg = fitted_stretch_deg(machine, SPEED_LOOP_DEG, SPEED_LOOP_DEG + _WAY_DEG)
-    run.move(start_deg)
-    run.begin_move(end_deg, max(TURN_DEG_S, lowest), min(1.0, TURN_DEG_S / lowest))
+    experiment = experiment_of(machine)
+    turning_deg_s = experiment.speed_loop_deg_s
+    run.move(experiment.speed_loop_deg)
+    # To the end of the travel: the measurement is over before.
+    run.begin_move(reach_deg(machine)[1], max(turning_deg_s, lowest), min(1.0, turning_deg_s / lowest))
     run.follow(_CALM_S)
     rated_nm = machine.motor.torque_rated_nm
-    loop = measured_speed_loop(EngineProbe(run, TORQUE_LIMIT_SHARE * rated_nm), SPEED_LOOP_SHARE * rated_nm)
+    loop = measured_speed_loop(
+        EngineProbe(run, TORQUE_LIMIT_SHARE * rated_nm), SPEED_LOOP_SHARES[0] * rated_nm
+    )
     run.halt()
     sensitivity, hz = _sensitivity(measure_on(machine, run, conditions(machine)[0]))
     return DriveFigures(loop, sensitivity, hz)
@@ -150,7 +154,8 @@ def measured_machine(machine: Machine, loop: SpeedLoop, encoder_serial: str) -> 
     Raises:
         ConfigError: it has no calibration of its own: identify it first.
     """
-    found = check_calibration(machine, encoder_serial).identified
+    calibration = check_calibration(machine, encoder_serial)
+    motor_inertia = calibration.number("motor_inertia_kg_m2")
     drive = drive_params(machine)
     ratio = machine.axis.ratio
     own_s = (0.5 + drive.delay_cycles) * drive.cycle_s + drive.latency_s
@@ -158,10 +163,8 @@ def measured_machine(machine: Machine, loop: SpeedLoop, encoder_serial: str) -> 
     return with_values(
         machine,
         {
-            "plant.load.inertia_kg_m2": found.inertia_kg_m2 - ratio * ratio * found.motor_inertia_kg_m2,
-            "plant.motor.wave_generator_inertia_kg_m2": max(
-                0.0, found.motor_inertia_kg_m2 - machine.motor.inertia_kg_m2
-            ),
+            "plant.load.inertia_kg_m2": calibration.number("inertia_kg_m2") - ratio * ratio * motor_inertia,
+            "plant.motor.wave_generator_inertia_kg_m2": max(0.0, motor_inertia - machine.motor.inertia_kg_m2),
             "drive.speed_loop.kvp_nm_s_per_rad": loop.kvp_nm_s_per_rad,
             "drive.speed_loop.tvi_ms": 1e3 * loop.tvi_s,
             "drive.current_loop.ideal": False,

@@ -20,8 +20,8 @@ from gantryctl.engineering.identification import (
 )
 from gantryctl.engineering.identification.samples import joined
 from gantryctl.engineering.identification.torque_balance import TorqueBalance
-from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, calibration_toml, with_values
+from gantryctl.errors import ConfigError
+from gantryctl.machine import Machine, Unknown, calibration_toml, with_values
 from gantryctl.wiring.compensation import compensation
 from support.improved import improved_machine
 
@@ -185,13 +185,19 @@ def test_changing_the_plant_leaves_every_number_of_the_controller() -> None:
     assert all(before.lead(x) == after.lead(x) for x in np.linspace(-3.1, 3.1, 101))
 
 
-def test_a_rigid_machine_has_no_windup_to_identify() -> None:
+def test_a_rigid_machine_has_no_windup_and_everything_else_is_identified() -> None:
     rigid = with_values(improved_machine(), {"plant.switches.rigid": True})
-    with pytest.raises(UsageError, match="rigid machine"):
-        calibrate(SimulatedAxis(rigid))
-
-
-def test_a_short_travel_is_refused() -> None:
-    short = with_values(improved_machine(), {"axis.pos_min_deg": -80.0, "axis.pos_max_deg": 80.0})
-    with pytest.raises(UsageError, match="half a turn"):
-        record(SimulatedAxis(short))
+    calibration = calibrate(SimulatedAxis(rigid))
+    windup = {"windup_per_acc_s2", "stiffness_nm_per_rad", "swing_hz"}
+    assert dict(calibration.unknown) == dict.fromkeys(windup, Unknown.NO_WINDUP)
+    assert calibration.identified.moment_sine_nm == pytest.approx(15_990.0, rel=0.02)
+    with pytest.raises(ConfigError, match="swing_hz could not be identified: the load shows no wind-up"):
+        calibration.number("swing_hz")
+    # the laws that live on it are refused by name, the others run
+    calibrated = rigid.calibrated(calibration)
+    with pytest.raises(
+        ConfigError, match=r"windup.active lives on stiffness_nm_per_rad.*switch windup.active off"
+    ):
+        compensation(calibrated)
+    off = {f"control.compensation.{law}": False for law in ("windup.active", "damping.active")}
+    assert compensation(with_values(calibrated, off).calibrated(calibration)) is not None

@@ -14,6 +14,7 @@ from gantryctl.engineering.analysis.measured.speed_loop import (
     speed_loop_signal,
 )
 from gantryctl.engineering.identification import EngineAxis, SimulatedAxis
+from gantryctl.engineering.identification.experiment import experiment_of
 from gantryctl.engineering.identification.fit import _fit_windup
 from gantryctl.engineering.identification.measure import quiet_machine
 from gantryctl.engineering.identification.samples import MoveLog, Samples, joined, steady
@@ -148,10 +149,13 @@ def test_a_late_instrument_is_found_out_and_its_delay_is_no_lost_motion() -> Non
         return log._replace(load_rad=log.load_rad - 0.1 * log.vel_rad_s)
 
     axis.go(50.0, 6.0)
-    swings: list[Samples] = [steady(late(axis.go(to, 3.5)), cruise_only=False) for to in (130.0, 50.0)]
+    experiment = experiment_of(MACHINE)
+    swings: list[Samples] = [
+        steady(late(axis.go(to, 3.5)), experiment, cruise_only=False) for to in (130.0, 50.0)
+    ]
     parts = joined(swings)
-    balance = torque_balance(parts, MACHINE.axis.ratio, 0.362, 0.0)
-    _, delay_s = _fit_windup(parts, np.zeros(33), np.zeros(25), balance)
+    balance = torque_balance(parts, MACHINE.axis.ratio, 0.362, 0.0).balance
+    _, delay_s = _fit_windup(parts, np.zeros(33), np.zeros(25), balance, 2500.0)
     # 8 % of the gear error of 80 deg looks like speed without a map: 0.002 of 3.5 deg/s
     assert delay_s == pytest.approx(0.1, abs=0.002)
 

@@ -1,0 +1,145 @@
+"""The experiment of one axis: places, speeds and times, from its travel, its speeds and the first mode that it expects.
+
+The scales are those at which the motion says something. Waves of the gear must pass below the first mode, or the load
+swings instead of following; a transient is over after some periods of it; acceleration must wind the transmission up
+for longer than the transient lasts. The factors give round numbers on a gantry of 2 Hz and 6 deg/s.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from gantryctl.machine import Machine
+from gantryctl.machine.calibration import MAP_HARMONICS
+from gantryctl.machine.places import fitted_stretch_deg, reach_deg
+
+# `fade_hz` is meant as four times the first mode.
+_FADE_PER_MODE: Final = 4.0
+# A wave that passes at half the first mode is seen a third larger; above it the correction is guesswork.
+_PASSES_BELOW_MODE: Final = 0.5
+_TURN_MESH_PER_MODE: Final = 0.47
+# The fastest wave of the creep: seen 1.7 times as large, the same on every axis.
+_CREEP_WAVE_PER_MODE: Final = 0.64
+# Teeth of the mesh in the creep.
+_CREEP_TEETH: Final = 7.7
+# A turn of the axis takes ten minutes at most, where its speed allows it.
+_SLOWEST_TURN_DEG_S: Final = 0.6
+# Swings for inertia and wind-up, on both sides of 0: where an eccentric moment is large, acceleration does not turn
+# the torque of the mesh round, and its backlash stays out of the wind-up.
+_SWING_DEG: Final = (50.0, 130.0)
+# Ramps of a swing last so many periods of the first mode, or take 0.44 of the acceleration of a move.
+_RAMP_PERIODS: Final = 23.3
+_SWING_ACC_SHARE: Final = 0.44
+# Where the speed loop is measured, the room that it turns in, and for how long at most: friction slides.
+_SPEED_LOOP_DEG: Final = (60.0, 110.0)
+_SPEED_LOOP_S: Final = 100.0
+# Of the travel, kept at both ends.
+_MARGIN_DEG: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Places, speeds and times of an identification.
+
+    Attributes:
+        low_deg, high_deg: ends of the slow turns: travel, or one turn of a longer one.
+        turn_deg_s: speed of the slow turns; friction is steady.
+        slow_cycles, creep_cycles: waves per turn that are read from the slow turns, and from the creep.
+        creep_deg_s: speed of the creep. creep_deg: its ends.
+        swings_deg: each from its inner to its outer end and back. swing_deg_s, swing_acc_deg_s2: of the swings.
+        jerk_time_s: of the ramps. transient_s: after a change of the acceleration. settle_s: after a move.
+        block_s: averaged to one sample.
+        speed_loop_deg, speed_loop_deg_s: where the speed loop is measured, and the turning meanwhile.
+    """
+
+    low_deg: float
+    high_deg: float
+    turn_deg_s: float
+    slow_cycles: tuple[float, ...]
+    creep_cycles: tuple[float, ...]
+    creep_deg_s: float
+    creep_deg: tuple[float, float]
+    swings_deg: tuple[tuple[float, float], ...]
+    swing_deg_s: float
+    swing_acc_deg_s2: float
+    jerk_time_s: float
+    transient_s: float
+    settle_s: float
+    block_s: float
+    speed_loop_deg: float
+    speed_loop_deg_s: float
+
+    @property
+    def minutes(self) -> float:
+        """About how long it takes."""
+        way = self.high_deg - self.low_deg
+        creep = self.creep_deg[1] - self.creep_deg[0]
+        swings = sum(2.0 * abs(outer - inner) for inner, outer in self.swings_deg)
+        turning_s = 2.0 * way / self.turn_deg_s + creep / self.creep_deg_s + 1.5 * swings / self.swing_deg_s
+        return (turning_s + _SPEED_LOOP_S) / 60.0
+
+
+def expected_mode_hz(machine: Machine) -> float:
+    """First mode that the machine file expects; what it is, identification finds."""
+    return machine.control.compensation.gear_map.fade_hz / _FADE_PER_MODE
+
+
+def experiment_of(machine: Machine) -> Experiment:
+    """The experiment that fits an axis; of [plant] it reads nothing."""
+    mode_hz, top = expected_mode_hz(machine), machine.speed.setting_max_deg_s
+    fast = tuple(c for c in machine.control.compensation.gear_map.cycles_per_turn if c > MAP_HARMONICS)
+    mesh = min(fast, default=math.nan)
+    least, most = reach_deg(machine)
+    margin = min(_MARGIN_DEG, 0.05 * (most - least))
+    low, high = fitted_stretch_deg(machine, -180.0, 180.0)
+    low, high = max(low, least + margin), min(high, most - margin)
+    turn = min(0.6 * top, max(top / 6.0, min(_SLOWEST_TURN_DEG_S, top)))
+    if fast:
+        turn = min(turn, _TURN_MESH_PER_MODE * mode_hz * 360.0 / mesh)
+    turn = _two_digits(turn)
+    slow = tuple(c for c in fast if c * turn / 360.0 <= _PASSES_BELOW_MODE * mode_hz)
+    rest = tuple(c for c in fast if c not in slow)
+    creep = min(turn, _CREEP_WAVE_PER_MODE * mode_hz * 360.0 / max(rest)) if rest else turn / 10.0
+    creep = _two_digits(creep)
+    transient_s = 4.0 / mode_hz
+    # Long enough for the transient and as long again, and for the teeth to be told from the motor's turns.
+    creep_way = _two_digits(max(_CREEP_TEETH * 360.0 / mesh if fast else 0.0, 2.0 * transient_s * creep))
+    swings, swing_deg_s, acc = _swings(machine, mode_hz)
+    near, far = _SPEED_LOOP_DEG
+    start = fitted_stretch_deg(machine, near, min(far, near + 0.5 * (most - least)))[0]
+    return Experiment(
+        low_deg=low,
+        high_deg=high,
+        turn_deg_s=turn,
+        slow_cycles=slow,
+        creep_cycles=rest,
+        creep_deg_s=creep,
+        creep_deg=fitted_stretch_deg(machine, -0.5 * creep_way, 0.5 * creep_way),
+        swings_deg=swings,
+        swing_deg_s=swing_deg_s,
+        swing_acc_deg_s2=acc,
+        jerk_time_s=1.0 / mode_hz,
+        transient_s=transient_s,
+        settle_s=6.0 / mode_hz,
+        block_s=0.08 / mode_hz,
+        speed_loop_deg=start,
+        speed_loop_deg_s=min(turn, (most - margin - start) / _SPEED_LOOP_S),
+    )
+
+
+def _swings(machine: Machine, mode_hz: float) -> tuple[tuple[tuple[float, float], ...], float, float]:
+    """Ends, speed and acceleration of the swings."""
+    near, far = _SWING_DEG
+    low, high = fitted_stretch_deg(machine, -far, -near), fitted_stretch_deg(machine, near, far)
+    speed, most = 7.0 / 12.0 * machine.speed.setting_max_deg_s, machine.virtual_axis.acc_deg_s2
+    acc = min(most, max(_two_digits(speed * mode_hz / _RAMP_PERIODS), _SWING_ACC_SHARE * most))
+    # At most 0.6 of the way is ramps.
+    speed = min(speed, math.sqrt(0.6 * (high[1] - high[0]) * acc))
+    return ((low[1], low[0]), high), speed, acc
+
+
+def _two_digits(value: float) -> float:
+    """Rounded to two digits: what is printed is what is driven."""
+    return float(f"{value:.2g}")
