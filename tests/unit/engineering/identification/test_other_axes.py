@@ -155,7 +155,7 @@ def test_what_a_windy_axis_does_not_show_is_told_by_name() -> None:
 
 @pytest.mark.slow
 def test_the_intervals_hold_what_they_say_on_every_template() -> None:
-    """Eight gears and winds of each of the nine axes: of some 600 numbers at most 5 % lie outside, as 95 % says."""
+    """Eight gears and winds of each of eight axes: of some 500 numbers at most 5 % lie outside, as 95 % says."""
     machines = []
     for name in (*template_names(), *CONFIGS):
         for seed in range(8):
@@ -175,7 +175,7 @@ def test_the_intervals_hold_what_they_say_on_every_template() -> None:
         ]
         # moment, motor and dead time are found on every axis
         assert {"eccentric moment, sine", "inertia at the motor", "dead time"} <= {row.name for row in known}
-    assert judged > 450
+    assert judged > 400
     assert len(wrong) <= 0.05 * judged, wrong
     # intervals that hold everything say nothing: half of the truths lie beyond a tenth of them
     assert float(np.median(ratios)) > 0.1
