@@ -23,7 +23,7 @@ from gantryctl.engineering.analysis.measured.response import (
     conditions,
     measure_on,
 )
-from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop, measured_speed_loop
+from gantryctl.engineering.analysis.measured.speed_loop import HangingLoad, SpeedLoop, measured_speed_loop
 from gantryctl.engineering.identification.experiment import experiment_of
 from gantryctl.engineering.identification.measure import SPEED_LOOP_SHARES
 from gantryctl.engineering.stops import check_quick_stop
@@ -265,7 +265,9 @@ def _figures_data(figures: DriveFigures) -> dict[str, Any]:
 
 
 def _figures(data: dict[str, Any]) -> DriveFigures:
-    return DriveFigures(SpeedLoop(**data["speed_loop"]), data["sensitivity"], data["sensitivity_hz"])
+    loop = data["speed_loop"]
+    loads = tuple(HangingLoad(*load) for load in loop["loads"])
+    return DriveFigures(SpeedLoop(**{**loop, "loads": loads}), data["sensitivity"], data["sensitivity_hz"])
 
 
 def store_session(path: Path, session: TuningSession) -> None:
