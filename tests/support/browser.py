@@ -14,6 +14,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, BrowserContext, Page, Playwright
 
+from gantryctl.gateway.access import COOKIE
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
@@ -117,12 +118,21 @@ def address(service: Service, *, frozen: bool = False) -> str:
     return f"http://{'localhost' if frozen else '127.0.0.1'}:{port}/"
 
 
+def add_cookie(context: BrowserContext, url: str, session: str) -> None:
+    """As a login does."""
+    # The tool takes a Secure cookie from an https address only; the browser itself takes it over http here.
+    url = url.replace("http:", "https:")
+    context.add_cookies(
+        [{"name": COOKIE, "value": session, "url": url, "secure": True, "sameSite": "Strict"}]
+    )
+
+
 def enter(
     context: BrowserContext, service: Service, role: str, area: str = "operation", *, frozen: bool = False
 ) -> Page:
     """A page of somebody who has logged in."""
     url = address(service, frozen=frozen)
-    context.add_cookies([{"name": "gantryctl_session", "value": service.log_in(role), "url": url}])
+    add_cookie(context, url, service.log_in(role))
     page = context.new_page()
     page.goto(f"{url}#{area}")
     page.locator("[data-stale=false]").wait_for()

@@ -20,6 +20,7 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from gantryctl.gateway.access import COOKIE
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import Users
 
@@ -123,7 +124,7 @@ class Service:
         if data is not None:
             headers.setdefault("Content-Type", "application/json")
         if cookie:
-            headers["Cookie"] = f"gantryctl_session={cookie}"
+            headers["Cookie"] = f"{COOKIE}={cookie}"
         asked = urllib.request.Request(f"http://{self.address}{path}", data, headers, method=method)
         try:
             with urllib.request.urlopen(asked, timeout=PATIENCE_S) as answer:
@@ -155,7 +156,7 @@ class Service:
             connect(
                 f"ws://{self.address}/api/v1/socket",
                 origin=f"http://{self.address}",
-                additional_headers={"Cookie": f"gantryctl_session={cookie}"},
+                additional_headers={"Cookie": f"{COOKIE}={cookie}"},
                 sock=socket.create_connection((host, int(port)), PATIENCE_S, (source, 0)),
                 max_queue=queue,
             ),

@@ -19,6 +19,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from gantryctl.gateway.access import COOKIE
 from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.trace.reader import read_trace
 from support.service_process import PASSWORD, Page, Service, add_users
@@ -165,14 +166,14 @@ def test_what_is_no_message_is_refused(service: Service, text: str, code: str) -
 
 
 def test_only_the_page_itself_with_a_session_gets_a_socket(service: Service) -> None:
-    cookie = {"Cookie": f"gantryctl_session={service.log_in('operator')}"}
+    cookie = {"Cookie": f"{COOKIE}={service.log_in('operator')}"}
     address, own = f"ws://{service.address}/api/v1/socket", f"http://{service.address}"
     for origin, headers, status in (
         ("http://elsewhere.example", cookie, 403),
         (None, cookie, 403),
         ("null", cookie, 403),
         (own, {}, 401),
-        (own, {"Cookie": "gantryctl_session=" + "0" * 32}, 401),
+        (own, {"Cookie": f"{COOKIE}={'0' * 32}"}, 401),
     ):
         with (
             pytest.raises(InvalidStatus) as refused,
@@ -388,7 +389,10 @@ def test_a_page_over_tls_works_and_its_cookie_is_secure(tmp_path: Path) -> None:
         with urllib.request.urlopen(asked, context=trusting) as answer:
             cookie = answer.headers["set-cookie"]
             assert answer.headers["strict-transport-security"]
-        assert {"Secure", "HttpOnly", "SameSite=strict"} <= {part.strip() for part in cookie.split(";")}
+        assert cookie.startswith("__Host-")
+        parts = {part.strip() for part in cookie.split(";")}
+        assert {"Secure", "HttpOnly", "SameSite=strict", "Path=/"} <= parts
+        assert "domain" not in cookie.lower()
         with connect(
             f"wss://{secure.address}/api/v1/socket",
             ssl=trusting,

@@ -23,7 +23,9 @@ from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role, may, rights_of
 from gantryctl.service.supervisor.users import PASSWORD_MAX, User, Users
 
-COOKIE: Final = "gantryctl_session"
+# With this prefix a browser takes it from this host only, and for all of it (RFC 6265bis, section 4.1.3.2). It must be
+# Secure then; Chromium 156, Firefox 153 and curl 7.88 take and send it over http on 127.0.0.1 and localhost, too.
+COOKIE: Final = "__Host-gantryctl_session"
 
 
 class Access:
@@ -104,11 +106,7 @@ class Access:
         who = Identity("", user.name, user.role, self.place(request))
         self.hub.events.put("login", "logged in", who, address=address)
         answer = JSONResponse(person(session))
-        # No script reads the cookie, and no other site sends it.
-        answer.set_cookie(
-            COOKIE, session.token, max_age=round(WHOLE_S), path="/", httponly=True,
-            secure=self.settings.secure, samesite="strict",
-        )  # fmt: skip
+        set_cookie(answer, COOKIE, session.token, round(WHOLE_S))
         return answer
 
     async def _check(self, name: str, password: str) -> User | None:
@@ -120,7 +118,7 @@ class Access:
         """End the session of a request."""
         self._end_session(request, "logged out")
         answer = Response(status_code=204)
-        answer.delete_cookie(COOKIE, path="/")
+        set_cookie(answer, COOKIE, "", 0)
         return answer
 
     def _end_session(self, request: Request, text: str) -> None:
@@ -129,6 +127,11 @@ class Access:
             self.sessions.close(session)
             who = Identity("", session.user, session.role, self.place(request))
             self.hub.events.put("login", text, who)
+
+
+def set_cookie(answer: Response, name: str, value: str, max_age_s: int | None) -> None:
+    """Set a cookie that no script reads and no other site sends; it lasts as long as the browser without an age."""
+    answer.set_cookie(name, value, max_age=max_age_s, path="/", secure=True, httponly=True, samesite="strict")
 
 
 def person(session: Session) -> dict[str, object]:

@@ -68,7 +68,9 @@ def openapi() -> dict[str, Any]:
         "info": {"title": "gantryctl", "version": version("gantryctl"), "license": {"name": "MIT"}},
         "paths": paths,
         "components": {
-            "securitySchemes": {"session": {"type": "apiKey", "in": "cookie", "name": "gantryctl_session"}},
+            "securitySchemes": {
+                "session": {"type": "apiKey", "in": "cookie", "name": "__Host-gantryctl_session"}
+            },
             "schemas": {"Error": _ERROR},
         },
     }

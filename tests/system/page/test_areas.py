@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect
 
+from gantryctl.gateway.access import COOKIE
 from support.browser import SIZE, address, enter, ready_to_jog
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher
@@ -40,11 +41,12 @@ def page(one_page: Page, watcher: Watcher) -> Iterator[Page]:
     one_page.locator("[data-stale=false]").wait_for()
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
 def test_a_person_logs_in_with_a_password_and_out_again(
-    context: BrowserContext, page_service: Service
+    context: BrowserContext, page_service: Service, host: str
 ) -> None:
     page = context.new_page()
-    page.goto(address(page_service))
+    page.goto(address(page_service, frozen=host == "localhost"))
     page.get_by_label("User").fill("viewer")
     expect(page.get_by_label("Password")).to_have_attribute("type", "password")
     page.get_by_label("Password").fill("not the password")
@@ -53,8 +55,13 @@ def test_a_person_logs_in_with_a_password_and_out_again(
     page.get_by_label("Password").fill(PASSWORD)
     page.get_by_role("button", name="Log in").click()
     expect(page.get_by_test_id("user")).to_contain_text("viewer")
+    # Secure, though this is http: the browser counts this machine as safe.
+    (cookie,) = context.cookies()
+    assert (cookie["name"], cookie["domain"], cookie["path"]) == (COOKIE, host, "/")
+    assert (cookie["secure"], cookie["httpOnly"], cookie["sameSite"]) == (True, True, "Strict")
     page.get_by_role("button", name="Log out").click()
     expect(page.get_by_label("Password")).to_be_visible()
+    assert context.cookies() == []
 
 
 def test_nothing_leaves_the_machine_and_no_policy_is_broken(

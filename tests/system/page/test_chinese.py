@@ -12,7 +12,7 @@ from gantryctl.program import ALARMS
 from gantryctl.program.alarms.codes import Definition
 from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Words
-from support.browser import address
+from support.browser import add_cookie, address
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
@@ -63,7 +63,7 @@ def row(number: int, definition: Definition) -> dict[str, object]:
 
 def in_chinese(context: BrowserContext, service: Service, area: str) -> Page:
     url = address(service)
-    context.add_cookies([{"name": "gantryctl_session", "value": service.log_in("operator"), "url": url}])
+    add_cookie(context, url, service.log_in("operator"))
     context.add_init_script("localStorage.setItem('gantryctl.language', 'zh')")
     page = context.new_page()
     page.goto(f"{url}#{area}")

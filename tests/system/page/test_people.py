@@ -7,6 +7,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from gantryctl.gateway.access import COOKIE
 from gantryctl.service.protocol.roles import Action, Role, may
 from support.browser import MOVING_DEG_S, SIZE, enter, press, ready_to_jog, until_moving
 from support.service_process import Page as Watcher
@@ -20,7 +21,7 @@ def test_a_foreign_page_gets_no_connection(page_service: Service) -> None:
         connect(
             f"ws://{page_service.address}/api/v1/socket",
             origin="http://evil.example",
-            additional_headers={"Cookie": f"gantryctl_session={cookie}"},
+            additional_headers={"Cookie": f"{COOKIE}={cookie}"},
         )
     assert refused.value.response.status_code == 403
 

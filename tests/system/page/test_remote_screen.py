@@ -28,6 +28,7 @@ def test_a_remote_screen_logs_in_over_tls_and_is_slow_without_the_enabling_switc
     assert "ERR_CERT_AUTHORITY_INVALID" in found["stranger"]
     (cookie,) = found["cookies"]
     assert (cookie["secure"], cookie["httpOnly"], cookie["sameSite"]) == (True, True, "Strict")
+    assert cookie["name"].startswith("__Host-")
     assert found["readable"] == ""  # no script sees it
     assert found["hsts"] == "max-age=31536000"
     assert found["plain"].startswith("https://")  # asked for with http: the browser remembers
