@@ -104,7 +104,7 @@ def kills(directory: Path, count: int) -> dict[str, object]:
     memory, chance = SharedMemory.create(), random.Random(2)
     memory.words[Word.BOOT] = 9
     log = EventLog(memory.events[2])
-    arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json()]
+    arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json(), "-1"]
     command = [sys.executable, "-m", "gantryctl.service.recorder", *arguments]
     written = kills_in_work = 0
     for _ in range(count):

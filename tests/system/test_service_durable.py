@@ -28,7 +28,8 @@ from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.retention import RetentionPolicy
-from support.service_process import Page, Service, add_users
+from gantryctl.service.supervisor.users import Users
+from support.service_process import PASSWORD, Page, Service
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 RECORDER = ["-m", "gantryctl.service.recorder"]
@@ -52,7 +53,7 @@ def missing_at_reply(directory: Path, recorder: list[str], commands: int) -> int
     """Replies of a hub whose event was not on the disk; the recorder is a process, the controller a stand-in."""
     memory = SharedMemory.create()
     memory.words[Word.BOOT] = 9
-    arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json()]
+    arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json(), "-1"]
     process = subprocess.Popen([sys.executable, *recorder, *arguments], pass_fds=(memory.handle,))
     log, missing = EventLog(memory.events[Source.CONTROLLER]), 0
     while not memory.words[Word.RECORDER_NS]:
@@ -91,7 +92,7 @@ def test_this_test_can_fail_a_recorder_that_acknowledges_before_it_writes_is_fou
 
 @pytest.fixture
 def service(tmp_path: Path) -> Iterator[Service]:
-    add_users(tmp_path)
+    Users(tmp_path).add("physicist", Role.PHYSICIST, PASSWORD)
     with Service(tmp_path) as made:
         yield made
 

@@ -23,6 +23,8 @@ class Words(Enum):
     PERCENT = "{value:.10g} %", "{value} %"
     AT = "{value:.2f} deg", "{value}°"
     AT_SPEED = "{value:.2f} deg, {speed:.2f} deg/s", "{value}°、{speed} °/s"
+    AGO = "{age_s:.1f} s ago", "{age_s} 秒前"
+    AT_TIME = "at {utc}", "于 {utc} "
     AT_UNKNOWN = "an angle that is not known", "未知角度"
     WHILE_COMMANDED = "{value:.2f} deg/s was commanded", "指令为 {value} °/s"
     WHILE_READ = "{value:.2f} deg/s had been read before", "此前读数为 {value} °/s"
@@ -597,6 +599,10 @@ class Words(Enum):
     EVENT_WAITS = (
         "event {number} is not on the disk after {limit:g} s, it waits in memory",
         "事件 {number} 在 {limit} 秒后仍未写入磁盘，在内存中等待",
+    )
+    FIRST_PROCESS_GONE = (
+        "has ended without a word; the others bring the axis to rest and end",
+        "未作说明便已结束；其余进程使轴停止并结束",
     )
     EVENT_LOST = (
         "its event found no place to wait for the recorder",

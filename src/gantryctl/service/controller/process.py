@@ -28,7 +28,6 @@ from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import ENERGISED
 from gantryctl.runtime import ScanFailure
@@ -42,6 +41,7 @@ from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.controller.retainer import Retainer
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.frame_ring import RingFrames
+from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder, rest_metadata
@@ -270,12 +270,9 @@ class Controller:
         """Write the start into the journal, and how the run before ended if it was not shut down."""
         before, age_ms = Snapshot(self.memory).fast()
         if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
-            # A number that the run before did not know itself, or did not vouch for, is not told after it either.
-            known = before["pos_act_deg"] is not None and before["position_valid"]
-            where = Words.AT_SPEED if known and before["vel_act_deg_s"] is not None else Words.AT_UNKNOWN
-            read_deg = self.machine.axis.read_deg(before["pos_act_deg"]) if known else None
-            left = where(value=read_deg, speed=before["vel_act_deg_s"])
-            self.events.put("alarm", refusal(Code.SYS_05, age_s=age_ms * 1e-3, where=left).line)
+            seen = LastSeen.of(before, self.machine.axis.dial)
+            told = seen.told(Words.AGO(age_s=age_ms * 1e-3))
+            self.events.put("alarm", told.line, None, code=str(told.code), **seen._asdict())
             # The recorder still has the last frames of the controller before.
             freeze(self._store.traces, Code.SYS_05)
         self.memory.words[Word.CONTROLLER_CLEAN] = 0

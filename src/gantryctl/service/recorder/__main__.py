@@ -2,6 +2,11 @@
 
 import sys
 
+from gantryctl.errors import GantryctlError
 from gantryctl.service.recorder.process import main
 
-sys.exit(main(sys.argv[1:]))
+try:
+    sys.exit(main(sys.argv[1:]))
+except GantryctlError as fault:
+    sys.stderr.write(f"recorder: {fault}\n")
+    sys.exit(fault.exit_code)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import select
 import signal
 import sqlite3
 import sys
@@ -16,7 +17,7 @@ from collections import deque
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.errors import DeviceError
 from gantryctl.program.alarms.codes import Code
@@ -27,6 +28,7 @@ from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.frame_writer import FrameWriter
 from gantryctl.service.recorder.journal import Batch, Journal
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
+from gantryctl.service.recorder.run_record import RunFile, RunKeeper
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
 # A commit that takes longer shows as `slow`; events wait in their rings meanwhile.
@@ -37,6 +39,16 @@ _LOOK_S: Final = 0.002
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0
 _PRUNE_S: Final = 600.0
+# The controller takes 20 s at most to bring the axis to rest, and then keeps its state.
+_OTHERS_S: Final = 40.0
+
+
+class Note(NamedTuple):
+    """An event of the recorder itself."""
+
+    kind: str
+    text: str
+    values: dict[str, object]
 
 
 class EventWriter:
@@ -62,8 +74,8 @@ class EventWriter:
         # When the commit under way began, on CLOCK_MONOTONIC.
         self.began_s: float | None = None
         self.failed = False
-        # What this process has to say itself, from any thread.
-        self.notes: deque[str] = deque()
+        # What this process has to say itself, from any thread; it stays until it is kept.
+        self.notes: deque[Note] = deque()
         self._disk = 0
         self._failed_since_s = self._prune_s = -math.inf
         self._slowest_s = 0.0
@@ -109,7 +121,9 @@ class EventWriter:
                     self._locked = False
         self.failed = False
         while self.notes:
-            self._note("service", self.notes.popleft())
+            note = self.notes[0]
+            self._note(note.kind, note.text, **note.values)
+            self.notes.popleft()
         self._report_disk()
         self._prune()
         return bool(batches)
@@ -176,46 +190,107 @@ class EventWriter:
                     return
                 ended.wait(pause_s)
 
+    def tell(self, text: str) -> None:
+        """Take a line that the journal is to have."""
+        self.notes.append(Note("service", text, {}))
+
+    @property
+    def all_kept(self) -> bool:
+        """Whether nothing waits for the disk."""
+        return not (self.failed or self.notes or any(len(ring) for ring in self._memory.events))
+
     def close(self) -> None:
         """Close the journal."""
         if self._journal is not None:
             self._journal.close()
 
 
+class Others:
+    """The other processes of the service: the recorder ends after them, whoever told it to end.
+
+    Args:
+        handle: end of a pipe whose other end every other process of the service holds; -1 for none of them.
+    """
+
+    def __init__(self, handle: int) -> None:
+        self._handle, self._parent = handle, os.getppid()
+        self.gone = handle < 0
+        self._until_s = math.inf
+
+    @property
+    def orphaned(self) -> bool:
+        """Whether the first process has ended before this one."""
+        return os.getppid() != self._parent
+
+    def look(self, *, ending: bool) -> bool:
+        """Whether this process may end now: it is to, and the others are gone, or have taken too long."""
+        now_s = time.monotonic()
+        if not self.gone:
+            readable, _, _ = select.select([self._handle], [], [], 0.0)
+            self.gone = bool(readable)  # nobody writes: only its end can be read
+        if ending and self._until_s == math.inf:
+            self._until_s = now_s + _OTHERS_S
+        return (ending and self.gone) or now_s > self._until_s
+
+
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory, directory = SharedMemory(int(arguments[0])), Path(arguments[1])
-    policy = RetentionPolicy.from_json(arguments[2])
-    die_with_parent()
-    parent = os.getppid()
-    ended = threading.Event()
+    policy, others = RetentionPolicy.from_json(arguments[2]), Others(int(arguments[3]))
+    log = Path(arguments[4]) if arguments[4:] else None
+    ending, ended = threading.Event(), threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, lambda *_: ended.set())
+        signal.signal(number, lambda *_: ending.set())
+    die_with_parent()
 
+    run_file = RunFile(directory)
+    while not run_file.hold():
+        # The recorder of a service whose first process was killed still writes; what comes meanwhile waits in memory.
+        memory.words[Word.JOURNAL_STATE] = JournalState.FAILED
+        memory.words[Word.RECORDER_NS] = time.monotonic_ns()
+        if ending.wait(_PAUSE_S):
+            return 0
+    run = RunKeeper(memory, run_file)
     free_bytes = free_of(directory)
     events = EventWriter(memory, directory, free_bytes, policy)
+    left = run.left_behind()
+    if left is not None:
+        sys.stderr.write(f"{left.told.line}\n")
+        events.notes.append(
+            Note("alarm", left.told.line, {"code": str(left.told.code), **left.seen._asdict()})
+        )
     traces = TraceWriter(memory, directory / "traces", free_bytes, policy)
-    log = Path(arguments[3]) if arguments[3:] else None
-    frames = FrameWriter(memory, directory / "traces", log, free_bytes, policy, events.notes.append)
+    frames = FrameWriter(memory, directory / "traces", log, free_bytes, policy, events.tell)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")
     writer.start()
     traces.remove_drafts()
     # First the rows: they say which recording goes on, all others were left by a recorder that is gone.
     traces.drain(at_once=True)
     traces.finish_left()
+    orphaned = False
     while writer.is_alive():
         traces.drain()
         frames.drain()
+        # The record of the run before stays until the journal has told it.
+        if not events.notes:
+            run.look()
+        if others.orphaned and not orphaned:
+            orphaned = True
+            events.tell(refusal(Code.SYS_06, process="supervisor", how=Words.FIRST_PROCESS_GONE).line)
+        if others.look(ending=ending.is_set()):
+            ended.set()
         memory.words[Word.JOURNAL_STATE] = events.state
         memory.words[Word.RECORDER_NS] = time.monotonic_ns()
         writer.join(_PAUSE_S)
+    run.end(kept=events.all_kept)
     frames.close()
     # The journal is closed to this thread: what the end of the files has to say goes to the terminal of the service.
     for note in events.notes:
-        sys.stderr.write(f"recorder: {note}\n")
+        sys.stderr.write(f"recorder: {note.text}\n")
     traces.drain(at_once=True)
-    if os.getppid() != parent:
+    if others.orphaned:
         memory.words[Word.ENDING] = 1
     traces.end()
     events.close()
+    run_file.close()
     return 0

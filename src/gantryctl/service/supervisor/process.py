@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import secrets
 import signal
 import sys
@@ -86,12 +87,16 @@ class Supervisor:
         controller.append(str(options.users.root))
         if options.second_person:
             controller.append("--second-person")
-        self.controller = Child("controller", controller, [handle], critical=True)
+        # All but the recorder hold one end of a pipe, this process too: its other end tells the recorder when they are
+        # gone, however they went, so that it ends last.
+        others, self._here = os.pipe()
+        self.controller = Child("controller", controller, [handle, self._here], critical=True)
         words = self.memory.words
         recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory), options.policy.to_json()]
+        recorder += [str(others)]
         recorder += [] if options.bus_log is None else [str(options.bus_log)]
         self.recorder = Child(
-            "recorder", recorder, [handle], beat_ns=partial(words.__getitem__, Word.RECORDER_NS)
+            "recorder", recorder, [handle, others], beat_ns=partial(words.__getitem__, Word.RECORDER_NS)
         )
         self.gateway: Child | None = None
         if gateway is not None:
@@ -99,10 +104,10 @@ class Supervisor:
             # (decision 0011).
             command = [*run, *gateway, str(handle)]
             beat_ns = partial(words.__getitem__, Word.GATEWAY_NS)
-            self.gateway = Child("gateway", command, [handle, listener], beat_ns=beat_ns)
+            self.gateway = Child("gateway", command, [handle, listener, self._here], beat_ns=beat_ns)
         self.opcua: Child | None = None
         if opcua is not None:
-            self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle])
+            self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle, self._here])
         self._directory, self._say, self._options = directory, say, options
         self.hub = Hub(self.memory, Source.LOCAL)
 
@@ -186,5 +191,6 @@ class Supervisor:
         for child in viewers:
             await child.end(_END_S)
         self.hub.refusals.close()
+        os.close(self._here)
         await self.recorder.end(_END_S)
         self.memory.close()

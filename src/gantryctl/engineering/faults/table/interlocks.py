@@ -228,6 +228,7 @@ INTERLOCKS: Final = (
                 "system/test_service_load.py",
                 "test_a_killed_controller_comes_back_with_power_off_and_says_how_it_ended",
             ),
+            *at("unit/service/test_run_record.py", "test_a_power_cut_leaves_what_was_kept"),
         ),
     ),
     Row(

@@ -96,6 +96,10 @@ PROCESS: Final = (
                 "system/test_service_load.py",
                 "test_a_killed_controller_comes_back_with_power_off_and_says_how_it_ended",
             ),
+            *at(
+                "system/test_service_unclean.py",
+                "test_everything_killed_is_told_with_the_angle_and_a_killed_first_process_ends_in_order",
+            ),
         ),
         State.PARTLY,
         "hundreds of kills, not the ten thousand of the catalogue: those belong to a campaign",
