@@ -280,6 +280,15 @@ class Direction(IntEnum):
     """That of the motion under way; at rest, of the last one since the start, which begins as positive."""
 
 
+class BufferMode(IntEnum):
+    """When a motion begins, with the names and numbers of PLCopen's BufferMode input; there is no blending."""
+
+    ABORTING = 0
+    """At once; the motion under way is aborted."""
+    BUFFERED = 1
+    """After the motion under way: once that is done, or, without an end, once it has its speed."""
+
+
 class OperatorCommand(NamedTuple):
     """Command levels of the operator, angles at the gantry."""
 

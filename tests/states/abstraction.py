@@ -26,7 +26,8 @@ from typing import Any, Final
 from gantryctl.image import OperatorCommand
 from gantryctl.program import Axis, GantryProgram, PowerPhase
 from gantryctl.program.alarms.log import Alarm, AlarmLog
-from gantryctl.program.axis.commands import MotionCommand, MotionCommands
+from gantryctl.program.axis.commands import MotionCommands
+from gantryctl.program.axis.motion_command import MotionCommand
 from gantryctl.program.blocks import BrakeTest as BrakeTestBlock
 from gantryctl.program.blocks import (
     Halt,
@@ -246,7 +247,7 @@ RULES: Final[dict[type, Rules]] = {
         same="at_rest changed following override paused stopping",
         number="acc_ref_rad_s2 pos_ref_rad vel_ref_rad_s",
         clock="_duration _sample _speed start_scan",
-        fixed="_period_s _speed_max _travel keep_plans plans ramps",
+        fixed="_period_s _ramps _speed_max _travel keep_plans plans ramps",
         special={"_target": _ref_target, "plan": _scans_left},
     ),
     PowerSequence: Rules(
@@ -376,15 +377,17 @@ RULES: Final[dict[type, Rules]] = {
     ),
     MotionCommands: Rules(
         same="_stop_execute brake_overdue state",
-        part="current stop_command waiting",
+        part="buffered current stop_command waiting",
         clock="scan",
-        fixed="_alarms _interlocks _monitors _power _settings _virtual",
+        fixed="_alarms _interlocks _monitors _power _settings _virtual speed_max_rad_s",
         unread="_sign",  # of a modulo axis only
     ),
     MotionCommand: Rules(
-        same="_status endless settles state",
+        same="_status endless held settles state",
         part="follower",
         number="speed_rad_s target_rad",
+        # The aim is read when a command begins; this program lets none wait for another motion.
+        unread="aim dynamics",
         special={"refusal": lambda command, _: command.refusal is not None},
     ),
     Recovery: Rules(

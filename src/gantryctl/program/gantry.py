@@ -8,7 +8,7 @@ from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command_checks import check_setting
-from gantryctl.program.axis.commands import MotionCommand
+from gantryctl.program.axis.motion_command import MotionCommand
 from gantryctl.program.blocks import (
     BrakeTest,
     Halt,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from typing import Final
@@ -111,6 +111,19 @@ class RampSettings:
     jog_release_dec_rad_s2: float
     jog_release_jerk_rad_s3: float
     quick_dec_rad_s2: float
+
+    def below(
+        self, acc_rad_s2: float | None, dec_rad_s2: float | None, jerk_rad_s3: float | None
+    ) -> RampSettings:
+        """These with another acceleration, deceleration and jerk of motions; None keeps what is there."""
+        if acc_rad_s2 is None and dec_rad_s2 is None and jerk_rad_s3 is None:
+            return self
+        return replace(
+            self,
+            acc_rad_s2=self.acc_rad_s2 if acc_rad_s2 is None else acc_rad_s2,
+            dec_rad_s2=self.dec_rad_s2 if dec_rad_s2 is None else dec_rad_s2,
+            jerk_rad_s3=self.jerk_rad_s3 if jerk_rad_s3 is None else jerk_rad_s3,
+        )
 
     def normal(self, vel_rad_s: float) -> MotionLimits:
         """Limits of a motion at `vel_rad_s`."""

@@ -21,7 +21,7 @@ from gantryctl.motion import (
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.settings import AxisSettings
+from gantryctl.program.settings import AxisSettings, RampSettings
 from gantryctl.units import deg
 
 # Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry, 1.3e-9 rad.
@@ -43,12 +43,12 @@ class VirtualAxis:
         at_rest: the plan has ended (True while not following).
         paused: stopped by override 0; the motion goes on when it is raised.
         changed: a new plan was taken in this scan.
-        ramps: of the motions that begin from now on.
+        ramps: of the motions that begin from now on, and have none of their own.
         plans: every plan with its start scan, if `keep_plans`.
     """
 
     __slots__ = (
-        "_duration", "_period_s", "_sample", "_speed", "_speed_max", "_target", "_travel",
+        "_duration", "_period_s", "_ramps", "_sample", "_speed", "_speed_max", "_target", "_travel",
         "acc_ref_rad_s2", "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan",
         "plans", "pos_ref_rad", "ramps", "start_scan", "stopping", "vel_ref_rad_s",
     )  # fmt: skip
@@ -56,7 +56,8 @@ class VirtualAxis:
     def __init__(self, settings: AxisSettings, *, keep_plans: bool = False) -> None:
         self._period_s = settings.period_s
         self._travel = settings.travel
-        self.ramps = settings.ramps
+        # Those of the motion under way, whose speed may be changed.
+        self.ramps = self._ramps = settings.ramps
         self._speed = self._speed_max = settings.speed.setting_max_rad_s
         self._target = 0.0
         self.override = 1.0
@@ -90,20 +91,22 @@ class VirtualAxis:
         self.paused = self.stopping = False
 
     def move_to(
-        self, target_rad: float, speed_rad_s: float, scan: int, *, take: bool = True
+        self, target_rad: float, speed_rad_s: float, ramps: RampSettings, scan: int, *, take: bool = True
     ) -> Refusal | None:
         """Plan a motion to `target_rad` with `speed_rad_s` times override; None when there is a plan.
 
         Args:
+            ramps: of this motion.
             take: False only judges, and nothing changes.
         """
         start, rests = self._set_point(), self.override < OVERRIDE_MIN
         try:
-            # Override 0 is a plan to rest; the target is kept, and planned anew when the override is raised.
+            # Override 0 is a plan to rest, on the ramp of the machine: who turns it down does not wait for that of a
+            # gentle motion. The target is kept, and planned anew when the override is raised.
             if rests:
                 plan = plan_stop(start, self.ramps.normal(speed_rad_s))
             else:
-                plan = _plan_to(target_rad, start, self.ramps.normal(speed_rad_s * self.override))
+                plan = _plan_to(target_rad, start, ramps.normal(speed_rad_s * self.override))
         except CommandRefused as error:
             return refusal(Code.CTL_17, reason=str(error))
         if not self._within_travel(plan):
@@ -112,20 +115,20 @@ class VirtualAxis:
             read_deg = deg(self._travel.read_rad(reached))
             return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=read_deg))
         if take:
-            self._target, self._speed, self.paused = target_rad, speed_rad_s, rests
+            self._target, self._speed, self._ramps, self.paused = target_rad, speed_rad_s, ramps, rests
             self._take(plan, scan)
         return None
 
     def change_speed(self, speed_rad_s: float, scan: int) -> Refusal | None:
         """Change the speed of the motion under way, same target."""
-        return self.move_to(self._target, speed_rad_s, scan)
+        return self.move_to(self._target, speed_rad_s, self._ramps, scan)
 
     def set_override(self, override: float, scan: int) -> Refusal | None:
         """Change the override 0..1 of the motion under way and all later ones."""
         before, self.override = self.override, override
         if self.stopping or not self.following or (self.at_rest and not self.paused):
             return None
-        refused = self.move_to(self._target, self._speed, scan)
+        refused = self.move_to(self._target, self._speed, self._ramps, scan)
         if refused is not None:
             self.override = before
         return refused

@@ -13,7 +13,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.image import Direction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.axis.command_checks import check_destination, require, way_to
-from gantryctl.program.axis.commands import CommandStatus
+from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.axis.turns import CRUISING_TURNS, Turns
 from gantryctl.program.settings import MonitorSettings, SpeedSettings, TravelSettings
 from gantryctl.units import deg, rad

@@ -20,6 +20,7 @@ class Words(Enum):
     ANGLE = "{value:.10g} deg", "{value}°"
     SPEED = "{value:.10g} deg/s", "{value} °/s"
     ACCELERATION = "{value:.10g} deg/s2", "{value} °/s²"
+    JERK = "{value:.10g} deg/s3", "{value} °/s³"
     PERCENT = "{value:.10g} %", "{value} %"
     AT = "{value:.2f} deg", "{value}°"
     AT_SPEED = "{value:.2f} deg, {speed:.2f} deg/s", "{value}°、{speed} °/s"
@@ -54,6 +55,8 @@ class Words(Enum):
     WITHIN_ZERO_AND_ONE = "within 0 and 1", "在 0 和 1 之间"
     AT_MOST_ANGLE = "above 0 and at most {high:.2f} deg", "大于 0 且不超过 {high}°"
     AT_MOST_SPEED = "above 0 and at most {high:.2f} deg/s", "大于 0 且不超过 {high} °/s"
+    AT_MOST_JERK = "above 0 and at most {high:.4g} deg/s3", "大于 0 且不超过 {high} °/s³"
+    ABOVE_ZERO = "above 0", "大于 0"
     AT_MOST_ACCELERATION = "above 0 and at most {high:.4g} deg/s2", "大于 0 且不超过 {high} °/s²"
 
     # Names of what a command sets, and sides.
@@ -61,6 +64,8 @@ class Words(Enum):
     NAME_INCREMENT = "increment", "增量"
     NAME_OVERRIDE = "override", "倍率"
     NAME_ACCELERATION = "acceleration", "加速度"
+    NAME_DECELERATION = "deceleration", "减速度"
+    NAME_JERK = "jerk", "加加速度"
     NAME_TARGET = "target", "目标"
     NAME_POSITION = "position", "位置"
     PLUS = "plus", "正"
@@ -233,8 +238,22 @@ class Words(Enum):
         "位置无效：须由维修人员核对角度并复位",
     )
     ACCELERATION_AT_REST = "the acceleration changes at standstill only", "加速度仅在静止时可改"
+    PARAMETER_AT_REST = "a parameter changes at standstill only", "参数仅在静止时可改"
+    PARAMETER_READ_ONLY = (
+        "parameter {number} is read only: limits belong to the machine file",
+        "参数 {number} 只读：极限值属于机器文件",
+    )
+    NO_PARAMETER = "there is no parameter {number}", "没有参数 {number}"
     MODE_AT_REST = "the mode changes at standstill only", "模式仅在静止时可改"
     HELD_BY_STOP = "the axis is held by Stop: release it first", "轴被“停止”保持：请先松开"
+    BUFFER_FULL = (
+        "a motion waits already for the end of the one under way: there is one place",
+        "已有一个运动在等待当前运动结束：只有一个位置",
+    )
+    NOTHING_BEHIND_KEY = (
+        "the motion under way lasts while a key is held: nothing waits for its end",
+        "当前运动由按键保持：没有运动可等待其结束",
+    )
     MOVING_BY_HAND = "the axis is moving by hand: release the key first", "轴正在手动运动：请先松开按键"
     JOG_FROM_REST = "the axis is moving: jog from standstill only", "轴在运动：点动只能从静止开始"
     INCREMENT_FROM_REST = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Final
 
 from gantryctl._core import PositionLaw, new_image
@@ -11,8 +10,10 @@ from gantryctl.image import DriveFeedback, InputImage, OutputImage, StopCause, S
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.axis.commands import CommandStatus, MotionCommand, MotionCommands
+from gantryctl.program.axis.command_checks import check_ramp
+from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.load_side import LoadSide
+from gantryctl.program.axis.motion_command import CommandStatus, MotionCommand
 from gantryctl.program.axis.permission import why_no_brake_test, why_no_torque
 from gantryctl.program.axis.reference import Reference
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
@@ -29,7 +30,6 @@ from gantryctl.program.power.rest import REST_RAD_S
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
-from gantryctl.units import deg
 
 # All at the gantry but the torque, which is the motor's.
 TRACE_COLUMNS: Final = (
@@ -271,7 +271,7 @@ class Axis:
         """Come to rest on the jog-release ramp, held until released; end a brake test under way."""
         if self.brake_test.under_way:
             self.abort_brake_test(Words.STOPPED)
-            command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
+            command = MotionCommand(AxisState.STOPPING)
             command.status = CommandStatus.DONE
             return command
         return self.motion.stop()
@@ -327,18 +327,14 @@ class Axis:
         Only at standstill. Halt and every other stop keep the ramps of the settings.
         """
         ramps = self.settings.ramps
-        if not 0.0 < acc_rad_s2 <= ramps.acc_rad_s2:
-            return refusal(
-                Code.CTL_01,
-                name=Words.NAME_ACCELERATION,
-                allowed=Words.AT_MOST_ACCELERATION(high=deg(ramps.acc_rad_s2)),
-                measured=Words.ACCELERATION(value=deg(acc_rad_s2)),
-            )
+        refused = check_ramp(Words.NAME_ACCELERATION, acc_rad_s2, ramps.acc_rad_s2)
+        if refused is not None:
+            return refused
         if not self.virtual.at_rest or self.motion.current is not None:
             return refusal(Code.CTL_14, reason=Words.ACCELERATION_AT_REST)
         # Deceleration keeps its ratio to acceleration, as in the machine file.
         dec = ramps.dec_rad_s2 * acc_rad_s2 / ramps.acc_rad_s2
-        self.virtual.ramps = replace(ramps, acc_rad_s2=acc_rad_s2, dec_rad_s2=dec)
+        self.virtual.ramps = ramps.below(acc_rad_s2, dec, None)
         return None
 
     def set_position(self, position_rad: float) -> Refusal | None:
@@ -360,7 +356,7 @@ class Axis:
 
     def home(self, position_rad: float) -> MotionCommand:
         """Set the position as a command, one scan in state Homing: the direct form of homing. Nothing moves."""
-        command = MotionCommand(AxisState.HOMING, position_rad, 0.0, settles=False)
+        command = MotionCommand(AxisState.HOMING)
         if self.state is not AxisState.STANDSTILL:
             return command.fail(refusal(Code.CTL_14, reason=Words.HOME_AT_REST))
         refused = self.set_position(position_rad)

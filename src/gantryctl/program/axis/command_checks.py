@@ -14,8 +14,9 @@ from gantryctl.image import Direction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.axis.motion_command import Dynamics
 from gantryctl.program.monitors.interlocks import Interlocks
-from gantryctl.program.settings import SpeedSettings, TravelSettings
+from gantryctl.program.settings import RampSettings, SpeedSettings, TravelSettings
 from gantryctl.program.stretch import Sector
 from gantryctl.units import deg, rad
 
@@ -160,12 +161,44 @@ def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -
     return _inward_only(travel.read_rad(here_rad), vel_rad_s > 0.0 and at_end, vel_rad_s < 0.0 and at_end)
 
 
-def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
-    """Refuse a speed of 0 or above the highest setting: a program may creep below the lowest one."""
+def check_speed(speed_rad_s: float, speed_max_rad_s: float) -> Refusal | None:
+    """Refuse a speed of 0 or above the highest one: a program may creep below the lowest setting."""
     # Written so that NaN is refused: `nan > limit` is false.
-    if 0.0 < speed_rad_s <= speed.setting_max_rad_s:
+    if 0.0 < speed_rad_s <= speed_max_rad_s:
         return None
-    return _wrong_speed(speed_rad_s, Words.AT_MOST_SPEED(high=deg(speed.setting_max_rad_s)))
+    return _wrong_speed(speed_rad_s, Words.AT_MOST_SPEED(high=deg(speed_max_rad_s)))
+
+
+def check_dynamics(dynamics: Dynamics, ramps: RampSettings) -> Refusal | None:
+    """Refuse ramps of one motion that are 0 or above those of the machine."""
+    acc, dec, jerk = dynamics
+    return (
+        check_ramp(Words.NAME_ACCELERATION, acc, ramps.acc_rad_s2)
+        or check_ramp(Words.NAME_DECELERATION, dec, ramps.dec_rad_s2)
+        or check_jerk(jerk, ramps.jerk_rad_s3)
+    )
+
+
+def check_ramp(name: Words, value_rad_s2: float | None, high_rad_s2: float) -> Refusal | None:
+    """Refuse an acceleration or deceleration that is not above 0 and at most `high_rad_s2`; None passes."""
+    if value_rad_s2 is None or 0.0 < value_rad_s2 <= high_rad_s2:
+        return None
+    return refusal(
+        Code.CTL_01,
+        name=name,
+        allowed=Words.AT_MOST_ACCELERATION(high=deg(high_rad_s2)),
+        measured=Words.ACCELERATION(value=deg(value_rad_s2)),
+    )
+
+
+def check_jerk(value_rad_s3: float | None, high_rad_s3: float) -> Refusal | None:
+    """Refuse a jerk that is not above 0 and at most `high_rad_s3`; None passes, and inf where ramps are trapezoids."""
+    if value_rad_s3 is None or 0.0 < value_rad_s3 <= high_rad_s3:
+        return None
+    allowed = Words.ABOVE_ZERO if math.isinf(high_rad_s3) else Words.AT_MOST_JERK(high=deg(high_rad_s3))
+    return refusal(
+        Code.CTL_01, name=Words.NAME_JERK, allowed=allowed, measured=Words.JERK(value=deg(value_rad_s3))
+    )
 
 
 def check_setting(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:

@@ -1,23 +1,30 @@
-"""Commands of the axis: status, order and end of motions and stops."""
+"""Commands of the axis: order, begin and end of motions and stops."""
 
 from __future__ import annotations
 
 import math
-from enum import Enum
-from typing import Protocol
 
-from gantryctl.image import Direction
+from gantryctl.image import BufferMode, Direction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command_checks import (
     check_destination,
     check_direction,
+    check_dynamics,
     check_overdue,
     check_range,
     check_speed,
     check_way,
     way_to,
+)
+from gantryctl.program.axis.motion_command import (
+    MACHINE_DYNAMICS,
+    Aim,
+    CommandStatus,
+    Dynamics,
+    Goal,
+    MotionCommand,
 )
 from gantryctl.program.axis.states import AxisState
 from gantryctl.program.monitors.interlocks import Interlocks
@@ -29,90 +36,18 @@ from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
 
 
-class CommandStatus(Enum):
-    """Status of a command.
-
-    WAITING: accepted, and the brake opens first. ABORTED: another command, a stop or power-off took over.
-    ERROR: refused, or ended by an alarm; `refusal` has the reason.
-    """
-
-    WAITING = 0
-    ACTIVE = 1
-    DONE = 2
-    ABORTED = 3
-    ERROR = 4
-
-
-class Follower(Protocol):
-    """Whoever shows the status of a command.
-
-    Attributes:
-        attention: there is something new to show.
-    """
-
-    attention: bool
-
-
-class MotionCommand:
-    """One command and its status. A block keeps it; the axis changes the status.
-
-    Attributes:
-        settles: done only when the axis is in position, not when the set-point has arrived.
-        endless: a motion with a speed only; it ends at the end of the travel or by a stop.
-        refusal: the reason of an error, or of an end at the travel limit.
-        follower: gets `attention` when the status changes.
-    """
-
-    __slots__ = (
-        "_status", "endless", "follower", "refusal", "settles", "speed_rad_s", "state", "target_rad",
-    )  # fmt: skip
-
-    def __init__(
-        self,
-        state: AxisState,
-        target_rad: float,
-        speed_rad_s: float,
-        *,
-        settles: bool,
-        endless: bool = False,
-    ) -> None:
-        self.state, self.target_rad, self.speed_rad_s = state, target_rad, speed_rad_s
-        self.settles, self.endless = settles, endless
-        self._status = CommandStatus.ACTIVE
-        self.refusal: Refusal | None = None
-        self.follower: Follower | None = None
-
-    @property
-    def status(self) -> CommandStatus:
-        """Where it is between accepted and ended."""
-        return self._status
-
-    @status.setter
-    def status(self, status: CommandStatus) -> None:
-        self._status = status
-        if self.follower is not None:
-            self.follower.attention = True
-
-    @property
-    def alive(self) -> bool:
-        """Waiting or active."""
-        return self.status in (CommandStatus.WAITING, CommandStatus.ACTIVE)
-
-    def fail(self, reason: Refusal) -> MotionCommand:
-        """End it with an error."""
-        self.status, self.refusal = CommandStatus.ERROR, reason
-        return self
-
-
 class MotionCommands:
-    """Takes commands for the virtual axis. Nothing is queued: a new command aborts the one before.
+    """Takes commands for the virtual axis. A new command aborts the one before, unless it is to wait for its end.
 
     A command that is refused changes nothing. While the brake holds the axis at standstill, an accepted
-    command waits until the brake is open again; a stop, an alarm or power-off drops it.
+    command waits until the brake is open again. A stop, an alarm or power-off drops whatever waits, so nothing
+    old can run after them.
 
     Attributes:
         current: the command under way, or None.
         brake_overdue: the brake test is overdue, so the speed is limited (`Axis.judge_brake`).
+        buffered: the command that waits for the end of the one before, or None: there is one such place.
+        speed_max_rad_s: highest speed of later motions, at most the highest setting.
         stop_command: the Stop that holds the axis, or None.
         state, scan: of the axis, set by `Axis`.
         waiting: the command that waits for the brake, or None.
@@ -120,7 +55,7 @@ class MotionCommands:
 
     __slots__ = (
         "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_sign", "_stop_execute", "_virtual",
-        "brake_overdue", "current", "scan", "state", "stop_command", "waiting",
+        "brake_overdue", "buffered", "current", "scan", "speed_max_rad_s", "state", "stop_command", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -137,6 +72,8 @@ class MotionCommands:
         self._interlocks, self._alarms = interlocks, alarms
         self.current: MotionCommand | None = None
         self.waiting: MotionCommand | None = None
+        self.buffered: MotionCommand | None = None
+        self.speed_max_rad_s = settings.speed.setting_max_rad_s
         self.stop_command: MotionCommand | None = None
         self._stop_execute = self.brake_overdue = False
         # Direction of the last motion.
@@ -147,52 +84,59 @@ class MotionCommands:
     # --- commands ---------------------------------------------------------------------------------
 
     def move_absolute(
-        self, target_rad: float, speed_rad_s: float, direction: Direction | None = None
+        self,
+        target_rad: float,
+        speed_rad_s: float,
+        direction: Direction | None = None,
+        dynamics: Dynamics = MACHINE_DYNAMICS,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
     ) -> MotionCommand:
         """Begin a motion to `target_rad` with `speed_rad_s`.
 
         Args:
             direction: of a modulo axis, the shortest way unless given; a linear axis has one way and takes none.
         """
-        travel = self._settings.travel
-        refused = (
-            check_destination(self._virtual.pos_ref_rad, target_rad, direction, travel)
-            if travel.endless or direction is not None
-            else check_range(target_rad, travel)
-        )
-        if travel.endless and refused is None:
-            target_rad = self._branch(target_rad, direction or Direction.SHORTEST)
-        command = MotionCommand(AxisState.DISCRETE_MOTION, target_rad, speed_rad_s, settles=True)
-        return self._begin(command, refused)
+        aim = Aim(Goal.ANGLE, target_rad, direction)
+        return self._ask(MotionCommand(AxisState.DISCRETE_MOTION, aim, speed_rad_s, dynamics), buffer_mode)
 
-    def _branch(self, target_rad: float, direction: Direction) -> float:
-        """Where a modulo axis comes to rest at an angle of its turn: that angle and some whole turns."""
-        virtual = self._virtual
-        # From where it can be at rest: on from there no direction asks for a way back.
-        here = virtual.rest_point_rad()
-        if direction is Direction.CURRENT:
-            direction = (
-                Direction.NEGATIVE if (virtual.vel_ref_rad_s or self._sign) < 0.0 else Direction.POSITIVE
-            )
-        way = way_to(here, target_rad, direction, self._settings.monitors.in_position_window_rad)
-        # The angle itself and not here plus way: rounding errors of many moves must not add up.
-        return target_rad + math.tau * round((here + way - target_rad) / math.tau)
-
-    def move_relative(self, distance_rad: float, speed_rad_s: float) -> MotionCommand:
+    def move_relative(
+        self,
+        distance_rad: float,
+        speed_rad_s: float,
+        dynamics: Dynamics = MACHINE_DYNAMICS,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
+    ) -> MotionCommand:
         """Begin a motion by `distance_rad` from the set-point."""
-        target = self._virtual.pos_ref_rad + distance_rad
-        command = MotionCommand(AxisState.DISCRETE_MOTION, target, speed_rad_s, settles=True)
-        return self._begin(command, check_range(target, self._settings.travel))
+        aim = Aim(Goal.WAY, distance_rad)
+        return self._ask(MotionCommand(AxisState.DISCRETE_MOTION, aim, speed_rad_s, dynamics), buffer_mode)
 
-    def move_velocity(self, vel_rad_s: float) -> MotionCommand:
-        """Begin a motion with `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
-        travel = self._settings.travel
-        # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself; a modulo axis has
-        # none, and its plan no end.
-        stretch = travel.stretch(self._virtual.pos_ref_rad)
-        end = stretch.high_rad if vel_rad_s > 0.0 else stretch.low_rad
-        command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
-        return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
+    def move_additive(
+        self,
+        distance_rad: float,
+        speed_rad_s: float,
+        dynamics: Dynamics = MACHINE_DYNAMICS,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
+    ) -> MotionCommand:
+        """Begin a motion by `distance_rad` on from the target of the motion under way, else from the set-point."""
+        aim = Aim(Goal.WAY_ON, distance_rad)
+        return self._ask(MotionCommand(AxisState.DISCRETE_MOTION, aim, speed_rad_s, dynamics), buffer_mode)
+
+    def move_velocity(
+        self,
+        vel_rad_s: float,
+        dynamics: Dynamics = MACHINE_DYNAMICS,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
+        *,
+        held: bool = False,
+    ) -> MotionCommand:
+        """Begin a motion with `vel_rad_s`, its sign the direction, until stopped or at the end of the travel.
+
+        Args:
+            held: it lasts while a key is held.
+        """
+        aim = Aim(Goal.SPEED, vel_rad_s)
+        command = MotionCommand(AxisState.CONTINUOUS_MOTION, aim, abs(vel_rad_s), dynamics, held=held)
+        return self._ask(command, buffer_mode)
 
     def change_speed(self, command: MotionCommand, speed_rad_s: float) -> Refusal | None:
         """Change the speed of a command under way."""
@@ -205,7 +149,7 @@ class MotionCommands:
 
     def halt(self) -> MotionCommand:
         """Come to rest on the normal ramp; another motion may take over before."""
-        command = MotionCommand(AxisState.DISCRETE_MOTION, 0.0, 0.0, settles=False)
+        command = MotionCommand(AxisState.DISCRETE_MOTION)
         refused = self._check_state()
         if refused is not None:
             return command.fail(refused)
@@ -223,7 +167,7 @@ class MotionCommands:
 
     def stop(self) -> MotionCommand:
         """Come to rest on the jog-release ramp and take no other command until `release_stop`."""
-        command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
+        command = MotionCommand(AxisState.STOPPING)
         # With power off and in ErrorStop the axis is stopped already.
         if self.state is AxisState.ERROR_STOP or not self._power.status:
             return command.fail(self._not_ready())
@@ -242,7 +186,6 @@ class MotionCommands:
 
     def take(self, command: MotionCommand | None) -> None:
         """Abort what is under way and let `command` take over."""
-        # Buffer mode Aborting: nothing is queued, so nothing old can run after a stop.
         self.drop_waiting()
         if self.current is not None:
             self.current.status = CommandStatus.ABORTED
@@ -259,7 +202,7 @@ class MotionCommands:
         self.fail_all(reason)
         # PLCopen: the motion state lasts until the axis is at rest.
         if not self._virtual.at_rest:
-            self.current = MotionCommand(state, 0.0, 0.0, settles=False)
+            self.current = MotionCommand(state)
 
     def abort_for_power_off(self) -> None:
         """Come to rest before power goes off."""
@@ -268,17 +211,23 @@ class MotionCommands:
 
     def fail_all(self, reason: Refusal) -> None:
         """End every command with an error, by an alarm."""
-        for command in (self.current, self.waiting, self.stop_command):
+        for command in (self.current, self.waiting, self.buffered, self.stop_command):
             if command is not None and command.alive:
                 command.fail(reason)
-        self.current = self.waiting = self.stop_command = None
+        self.current = self.waiting = self.buffered = self.stop_command = None
         self._stop_execute = False
 
     def drop_waiting(self) -> None:
-        """Forget a command that waits for the brake."""
+        """Forget what waits: for the brake, or for the end of the motion before."""
         if self.waiting is not None:
             self.waiting.status = CommandStatus.ABORTED
             self.waiting = None
+        self._drop_buffered()
+
+    def _drop_buffered(self) -> None:
+        if self.buffered is not None:
+            self.buffered.status = CommandStatus.ABORTED
+            self.buffered = None
 
     def progress(self) -> None:
         """Begin what waited and end what has arrived; every scan, after the monitors."""
@@ -292,14 +241,40 @@ class MotionCommands:
                 self.stop_command.status = CommandStatus.DONE
                 if not self._stop_execute:
                     self.stop_command = None
+        if self.buffered is not None:
+            self._begin_buffered(self.buffered)
 
     def _begin_waiting(self, command: MotionCommand) -> None:
         """Begin a command that waits for the brake; one that came while it was closing opens it only now."""
         self._power.wake()
         if self._power.phase is PowerPhase.ON:
-            self.waiting = None
+            # What waits behind it goes on waiting.
+            behind, self.waiting, self.buffered = self.buffered, None, None
             command.status = CommandStatus.ACTIVE
             self._begin(command, None)
+            self.buffered = behind
+            if not command.alive:
+                self._drop_buffered()
+
+    def _begin_buffered(self, command: MotionCommand) -> None:
+        """Begin a command that waits for the motion before: once that is done, or has reached its speed."""
+        before = self.current or self.waiting
+        if before is not None and not self.in_velocity(before):
+            return
+        self.buffered = None
+        command.status = CommandStatus.ACTIVE
+        self._begin(command, self._aim(command, self._virtual.pos_ref_rad))
+
+    def in_velocity(self, command: MotionCommand) -> bool:
+        """Whether the set-point has the speed of a motion without an end, times override."""
+        virtual = self._virtual
+        return (
+            command is self.current
+            and command.endless
+            and not virtual.paused
+            # Rounding of the constant speed in a plan.
+            and abs(virtual.vel_ref_rad_s) >= command.speed_rad_s * virtual.override * (1.0 - 1e-9)
+        )
 
     def _arrived(self, command: MotionCommand) -> None:
         if command.settles and not self._monitors.in_position:
@@ -307,17 +282,87 @@ class MotionCommands:
             if self._monitors.not_in_position:
                 command.fail(self._alarms.active[Code.CTL_11].refusal)
                 self.current = None
+                self._drop_buffered()
             return
         command.status = CommandStatus.DONE
         self.current = None
         if command.endless:
             end_rad = self._settings.travel.read_rad(self._virtual.pos_ref_rad)
             command.refusal = self._alarms.note(Code.LIM_01, measured=deg(end_rad))
+            self._drop_buffered()
+
+    def _ask(self, command: MotionCommand, buffer_mode: BufferMode) -> MotionCommand:
+        """Begin a command at once, or let it wait for the one before."""
+        before = self.current or self.waiting
+        if buffer_mode is BufferMode.BUFFERED and before is not None:
+            return self._buffer(command, before)
+        return self._begin(command, self._aim(command, self._virtual.pos_ref_rad))
+
+    def _buffer(self, command: MotionCommand, before: MotionCommand) -> MotionCommand:
+        """Let a command wait; it is judged now from where the motion before ends, and again when it begins."""
+        if before.held:
+            return command.fail(refusal(Code.CTL_14, reason=Words.NOTHING_BEHIND_KEY))
+        if self.buffered is not None:
+            return command.fail(refusal(Code.CTL_14, reason=Words.BUFFER_FULL))
+        here = before.target_rad if before.settles else self._virtual.rest_point_rad()
+        refused = self._aim(command, here, rest_rad=here) or self._check(command, here)
+        if refused is not None:
+            return command.fail(refused)
+        command.status = CommandStatus.WAITING
+        self.buffered = command
+        return command
+
+    def _aim(
+        self, command: MotionCommand, here_rad: float, *, rest_rad: float | None = None
+    ) -> Refusal | None:
+        """Set the target of a command that begins at `here_rad`; None, or the reason of a refusal.
+
+        Args:
+            rest_rad: where the axis will be at rest by then; None asks the motion under way.
+        """
+        aim, travel = command.aim, self._settings.travel
+        if aim is None:
+            return None
+        match aim.goal:
+            case Goal.ANGLE:
+                command.target_rad = aim.value
+                if not travel.endless and aim.direction is None:
+                    return check_range(aim.value, travel)
+                refused = check_destination(here_rad, aim.value, aim.direction, travel)
+                if travel.endless and refused is None:
+                    direction = aim.direction or Direction.SHORTEST
+                    command.target_rad = self._branch(aim.value, direction, rest_rad)
+                return refused
+            case Goal.WAY | Goal.WAY_ON:
+                before = self.current or self.waiting
+                goes_on = aim.goal is Goal.WAY_ON and before is not None and before.settles
+                command.target_rad = (before.target_rad if goes_on and before else here_rad) + aim.value
+                return check_range(command.target_rad, travel)
+            case Goal.SPEED:
+                # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself; a modulo
+                # axis has none, and its plan no end.
+                stretch = travel.stretch(here_rad)
+                command.target_rad = stretch.high_rad if aim.value > 0.0 else stretch.low_rad
+                return check_direction(here_rad, aim.value, travel)
+
+    def _branch(self, target_rad: float, direction: Direction, rest_rad: float | None) -> float:
+        """Where a modulo axis comes to rest at an angle of its turn: that angle and some whole turns."""
+        virtual = self._virtual
+        # From where it can be at rest: on from there no direction asks for a way back.
+        here = virtual.rest_point_rad() if rest_rad is None else rest_rad
+        if direction is Direction.CURRENT:
+            direction = (
+                Direction.NEGATIVE if (virtual.vel_ref_rad_s or self._sign) < 0.0 else Direction.POSITIVE
+            )
+        way = way_to(here, target_rad, direction, self._settings.monitors.in_position_window_rad)
+        # The angle itself and not here plus way: rounding errors of many moves must not add up.
+        return target_rad + math.tau * round((here + way - target_rad) / math.tau)
 
     def _begin(self, command: MotionCommand, refused: Refusal | None) -> MotionCommand:
         target_rad, speed_rad_s, parked = command.target_rad, command.speed_rad_s, self._power.parked
-        refused = refused or self._check(command)
-        refused = refused or self._virtual.move_to(target_rad, speed_rad_s, self.scan, take=not parked)
+        refused = refused or self._check(command, self._virtual.pos_ref_rad)
+        ramps = self._virtual.ramps.below(*command.dynamics)
+        refused = refused or self._virtual.move_to(target_rad, speed_rad_s, ramps, self.scan, take=not parked)
         if refused is not None:
             return command.fail(refused)
         self.take(None if parked else command)
@@ -337,21 +382,23 @@ class MotionCommands:
 
     def check_resume(self) -> Refusal | None:
         """Judge the motion that override 0 holds back like a new one, before it goes on."""
-        return None if self.current is None or not self._virtual.paused else self._check(self.current)
+        if self.current is None or not self._virtual.paused:
+            return None
+        return self._check(self.current, self._virtual.pos_ref_rad)
 
     def check_speed(self, speed_rad_s: float) -> Refusal | None:
         """Judge a speed: above 0, at most the highest setting, and low while the brake test is overdue."""
         speed = self._settings.speed
-        refused = check_speed(speed_rad_s, speed)
+        refused = check_speed(speed_rad_s, self.speed_max_rad_s)
         return check_overdue(speed_rad_s, speed) if refused is None and self.brake_overdue else refused
 
-    def _check(self, command: MotionCommand) -> Refusal | None:
-        here = self._virtual.pos_ref_rad
+    def _check(self, command: MotionCommand, here_rad: float) -> Refusal | None:
         return (
             self.check_speed(command.speed_rad_s)
+            or check_dynamics(command.dynamics, self._virtual.ramps)
             or self._check_state()
             or self._check_permit()
-            or self._check_way(here, command.target_rad)
+            or self._check_way(here_rad, command.target_rad)
         )
 
     def _check_way(self, here_rad: float, target_rad: float) -> Refusal | None:

@@ -7,16 +7,28 @@ blocks, not PLCopen Part 1. `TON` to `CTU` are the standard blocks of IEC 61131-
 
 from gantryctl.program.blocks.administration import BrakeTest, Power, Reset, SetOverride, SetPosition
 from gantryctl.program.blocks.by_hand import Inch, Jog
-from gantryctl.program.blocks.motion import Halt, Home, MoveAbsolute, MoveRelative, MoveVelocity, Stop
+from gantryctl.program.blocks.cam_switch import Cam, CamDirection, DigitalCamSwitch
+from gantryctl.program.blocks.motion import (
+    Halt,
+    Home,
+    MoveAbsolute,
+    MoveAdditive,
+    MoveRelative,
+    MoveVelocity,
+    Stop,
+)
+from gantryctl.program.blocks.parameters import ReadBoolParameter, ReadParameter, WriteParameter
 from gantryctl.program.blocks.reading import (
     ReadActualPosition,
     ReadActualTorque,
     ReadActualVelocity,
     ReadAxisError,
+    ReadAxisInfo,
     ReadMotionState,
     ReadStatus,
 )
 from gantryctl.program.blocks.standard import CTU, F_TRIG, R_TRIG, RS, SR, TOF, TON, TP
+from gantryctl.program.blocks.touch_probe import AbortTrigger, TouchProbe
 
 __all__ = [
     "CTU",
@@ -27,12 +39,17 @@ __all__ = [
     "TOF",
     "TON",
     "TP",
+    "AbortTrigger",
     "BrakeTest",
+    "Cam",
+    "CamDirection",
+    "DigitalCamSwitch",
     "Halt",
     "Home",
     "Inch",
     "Jog",
     "MoveAbsolute",
+    "MoveAdditive",
     "MoveRelative",
     "MoveVelocity",
     "Power",
@@ -40,10 +57,15 @@ __all__ = [
     "ReadActualTorque",
     "ReadActualVelocity",
     "ReadAxisError",
+    "ReadAxisInfo",
+    "ReadBoolParameter",
     "ReadMotionState",
+    "ReadParameter",
     "ReadStatus",
     "Reset",
     "SetOverride",
     "SetPosition",
     "Stop",
+    "TouchProbe",
+    "WriteParameter",
 ]

@@ -7,7 +7,7 @@ from typing import Final
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.commands import CommandStatus, MotionCommand
+from gantryctl.program.axis.motion_command import CommandStatus, MotionCommand
 
 # Looked up once: an attribute of an enumeration costs 90 ns in Python 3.11.
 _ACTIVE: Final = CommandStatus.ACTIVE

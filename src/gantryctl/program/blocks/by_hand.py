@@ -6,7 +6,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.commands import CommandStatus, MotionCommand
+from gantryctl.program.axis.motion_command import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
 from gantryctl.units import deg
 
@@ -61,7 +61,7 @@ class Jog(ExecuteBlock):
         if self._accepted(refused):
             self.at_limit = False
             self._direction, self._speed, self._released = direction, velocity_rad_s, False
-            self._begin(axis.motion.move_velocity(direction * velocity_rad_s))
+            self._begin(axis.motion.move_velocity(direction * velocity_rad_s, held=True))
 
     def _end(self, command: MotionCommand) -> None:
         self.at_limit = command.status is CommandStatus.DONE and command.refusal is not None

@@ -1,13 +1,14 @@
-"""PLCopen motion blocks: MoveAbsolute, MoveRelative, MoveVelocity, Halt, Stop, Home. Buffer mode Aborting.
+"""PLCopen motion blocks: MoveAbsolute, MoveRelative, MoveAdditive, MoveVelocity, Halt, Stop, Home.
 
-The ramps are the machine's: no block changes them.
+The ramps are the machine's, or lower ones for one motion: a block raises none. Buffer mode Aborting, or Buffered
+where a block has the input.
 """
 
 from __future__ import annotations
 
-from gantryctl.image import Direction
+from gantryctl.image import BufferMode, Direction
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.commands import CommandStatus, MotionCommand
+from gantryctl.program.axis.motion_command import CommandStatus, Dynamics, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
 
 
@@ -25,10 +26,16 @@ class MoveAbsolute(ExecuteBlock):
         execute: bool,
         position_rad: float,
         velocity_rad_s: float,
+        acceleration_rad_s2: float | None = None,
+        deceleration_rad_s2: float | None = None,
+        jerk_rad_s3: float | None = None,
         direction: Direction | None = None,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
     ) -> None:
         if execute and not self._execute:
-            self._begin(self.axis.motion.move_absolute(position_rad, velocity_rad_s, direction))
+            dynamics = Dynamics(acceleration_rad_s2, deceleration_rad_s2, jerk_rad_s3)
+            move = self.axis.motion.move_absolute
+            self._begin(move(position_rad, velocity_rad_s, direction, dynamics, buffer_mode))
         self._show(execute)
 
 
@@ -37,9 +44,44 @@ class MoveRelative(ExecuteBlock):
 
     __slots__ = ()
 
-    def __call__(self, *, execute: bool, distance_rad: float, velocity_rad_s: float) -> None:
+    def __call__(
+        self,
+        *,
+        execute: bool,
+        distance_rad: float,
+        velocity_rad_s: float,
+        acceleration_rad_s2: float | None = None,
+        deceleration_rad_s2: float | None = None,
+        jerk_rad_s3: float | None = None,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
+    ) -> None:
         if execute and not self._execute:
-            self._begin(self.axis.motion.move_relative(distance_rad, velocity_rad_s))
+            dynamics = Dynamics(acceleration_rad_s2, deceleration_rad_s2, jerk_rad_s3)
+            move = self.axis.motion.move_relative
+            self._begin(move(distance_rad, velocity_rad_s, dynamics, buffer_mode))
+        self._show(execute)
+
+
+class MoveAdditive(ExecuteBlock):
+    """Move by an angle on from the target of the motion under way; without one, from the set-point."""
+
+    __slots__ = ()
+
+    def __call__(
+        self,
+        *,
+        execute: bool,
+        distance_rad: float,
+        velocity_rad_s: float,
+        acceleration_rad_s2: float | None = None,
+        deceleration_rad_s2: float | None = None,
+        jerk_rad_s3: float | None = None,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
+    ) -> None:
+        if execute and not self._execute:
+            dynamics = Dynamics(acceleration_rad_s2, deceleration_rad_s2, jerk_rad_s3)
+            move = self.axis.motion.move_additive
+            self._begin(move(distance_rad, velocity_rad_s, dynamics, buffer_mode))
         self._show(execute)
 
 
@@ -56,18 +98,23 @@ class MoveVelocity(ExecuteBlock):
         super().__init__(axis)
         self.in_velocity = False
 
-    def __call__(self, *, execute: bool, velocity_rad_s: float) -> None:
+    def __call__(
+        self,
+        *,
+        execute: bool,
+        velocity_rad_s: float,
+        acceleration_rad_s2: float | None = None,
+        deceleration_rad_s2: float | None = None,
+        jerk_rad_s3: float | None = None,
+        buffer_mode: BufferMode = BufferMode.ABORTING,
+    ) -> None:
+        motion = self.axis.motion
         if execute and not self._execute:
-            self._begin(self.axis.motion.move_velocity(velocity_rad_s))
+            dynamics = Dynamics(acceleration_rad_s2, deceleration_rad_s2, jerk_rad_s3)
+            self._begin(motion.move_velocity(velocity_rad_s, dynamics, buffer_mode))
         self._show(execute)
-        command, virtual = self.command, self.axis.virtual
-        self.in_velocity = (
-            self.active
-            and command is not None
-            and not virtual.paused
-            # Rounding of the constant speed in a plan.
-            and abs(virtual.vel_ref_rad_s) >= command.speed_rad_s * virtual.override * (1.0 - 1e-9)
-        )
+        command = self.command
+        self.in_velocity = self.active and command is not None and motion.in_velocity(command)
         self.attention = self.attention or self.busy
 
     def _end(self, command: MotionCommand) -> None:

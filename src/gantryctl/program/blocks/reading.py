@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from gantryctl.program.alarms.codes import Code
+from gantryctl.image import DriveState
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.permission import why_no_torque
 from gantryctl.program.axis.states import AxisState
 from gantryctl.program.blocks.base import Block
 
@@ -56,6 +58,42 @@ class ReadAxisError(Block):
         if enable:
             self.axis_error_id = None if first is None else first.code
             self.axis_error_text = "" if first is None else first.text
+
+
+class ReadAxisInfo(Block):
+    """What the axis is ready for, from its inputs and its drive.
+
+    There is no Simulation output: a program cannot tell a simulator from a drive.
+
+    Attributes:
+        limit_switch_pos, limit_switch_neg: the switch is actuated.
+        communication_ready: the drive is heard. ready_for_power_on: nothing stands against Power.
+        is_homed: the angle is known. axis_warning: a warning is active.
+    """
+
+    __slots__ = (
+        "axis_warning", "communication_ready", "is_homed", "limit_switch_neg", "limit_switch_pos", "power_on",
+        "ready_for_power_on", "valid",
+    )  # fmt: skip
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.valid = self.limit_switch_pos = self.limit_switch_neg = self.communication_ready = False
+        self.ready_for_power_on = self.power_on = self.is_homed = self.axis_warning = False
+
+    def __call__(self, *, enable: bool = True) -> None:
+        self.valid = enable
+        if not enable:
+            return
+        axis = self.axis
+        feedback = axis.feedback
+        self.limit_switch_pos = not feedback.inputs.limit_plus_ok
+        self.limit_switch_neg = not feedback.inputs.limit_minus_ok
+        self.communication_ready = feedback.state is not DriveState.UNKNOWN and not feedback.state_old
+        self.ready_for_power_on = why_no_torque(feedback, axis.alarms) is None
+        self.power_on = axis.power.status
+        self.is_homed = feedback.position_valid
+        self.axis_warning = any(alarm.reaction is Reaction.W for alarm in axis.alarms.active.values())
 
 
 class ReadMotionState(Block):
