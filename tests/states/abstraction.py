@@ -434,6 +434,7 @@ RULES: Final[dict[type, Rules]] = {
         part="_inbox arming authority hold permit",
         clock="_acting _refusals",
         fixed="_acknowledge events now program ranges start_s",
+        unread="refusals",
         special={
             "levels": _levels("levels"),
             "_test_epoch": lambda operator, _: operator._test_epoch == operator.authority.epoch,
@@ -459,7 +460,12 @@ RULES: Final[dict[type, Rules]] = {
         },
     ),
     Permit: Rules(same="reasons", clock="resets", fixed="_axis _events _journal"),
-    Inbox: Rules(part="others", clock="_last_seq first gone time_s", fixed="_commands _replies events"),
+    Inbox: Rules(
+        part="others",
+        clock="_last_seq first gone time_s",
+        fixed="_commands _replies events",
+        unread="refusals",
+    ),
     CommandQueue: Rules(
         clock="_count",
         special={

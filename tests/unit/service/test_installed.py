@@ -65,7 +65,8 @@ def test_what_was_installed_is_as_it_was_installed(site: Path) -> None:
 
 def _flip(path: Path) -> None:
     content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
+    # Within the first line, a comment or the text of the module: the file stays one that runs.
+    content[min(8, len(content) // 2)] ^= 1
     path.write_bytes(content)
 
 
@@ -119,7 +120,7 @@ def test_one_changed_byte_of_an_installed_program_keeps_the_service_from_startin
     whole = run_of(site, tmp_path, "-c", check)
     assert whole.stdout.startswith("True "), whole.stderr
     assert whole.stdout.endswith(" files as installed\n")
-    # A law that nothing imports before the service runs: without the check, it would move the axis.
+    # Without the check it would move the axis.
     _flip(site / "gantryctl" / "program" / "virtual_axis.py")
     refused = run_of(site, tmp_path, "-m", "gantryctl", "serve", "--no-page")
     said = "SYS-13 files that are not as they were installed: 1, among them gantryctl/program/virtual_axis.py"
