@@ -95,16 +95,19 @@ def run_and_kill(service: Service, phase: str, chance: random.Random) -> Killed:
     opened = service.page("operator")
     page = Recorded(opened)
     work(page, phase, chance)
+    os.kill(service.process.pid, signal.SIGSTOP)  # it would start others again meanwhile
     victims = processes(service)
     chance.shuffle(victims)
     for victim in victims:
-        with suppress(ProcessLookupError):
-            os.kill(victim, signal.SIGKILL)
+        os.kill(victim, signal.SIGKILL)
     age_s = time.monotonic() - page.seen_s
     with suppress(Exception):  # the other end is dead
         opened.__exit__()
     service.process.wait(30)
     service.end()
+    until_s = time.monotonic() + 30.0
+    while any(Path(f"/proc/{victim}").exists() for victim in victims) and time.monotonic() < until_s:
+        time.sleep(0.01)
     tags = opened.tags
     return Killed(phase, tuple(page.acknowledged), tags["pos_act_deg"], tags["vel_act_deg_s"], age_s)
 
