@@ -29,6 +29,7 @@ from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.users import Users
+from gantryctl.service.supervisor.users_kept import not_kept, running
 from support.service_process import PASSWORD, Page, Service
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
@@ -119,7 +120,10 @@ def replies_while_working(page: Page) -> Iterator[dict[str, Any]]:
 
 
 def test_ok_means_on_the_disk_and_a_recorder_that_hangs_delays_replies_only(service: Service) -> None:
-    disk = Disk(service.directory)
+    disk, users = Disk(service.directory), Users(service.root)
+    users.set_person("physicist", "anna")
+    assert not_kept(users, running(service.root)) == []
+    assert "user physicist is an account of anna now, before of physicist" in texts(service)
     with service.page("physicist") as page:
         page.do("take", over=False)
         for reply in replies_while_working(page):
@@ -135,16 +139,25 @@ def test_ok_means_on_the_disk_and_a_recorder_that_hangs_delays_replies_only(serv
         os.kill(recorder, signal.SIGSTOP)
         try:
             hanging(page)
+            users.set_person("physicist", "physicist")
+            assert not_kept(users, running(service.root)) == ["hust_gantry"]
         finally:
             os.kill(recorder, signal.SIGCONT)
-        page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
+        assert not_kept(users, running(service.root)) == []
+    with service.page("physicist") as page:
+        page.do("take", over=False)
         (reply,) = settings(page, 1)
         assert reply["code"] == ""
     service.end()
+    assert running(service.root) == []
     assert verify(service.directory).wrong == ""
-    texts = [row.values["text"] for row in read_journal(service.directory)]
     for said in ("set override_percent 50.0 (before: 100): done", "stop: done", "power False: done"):
-        assert said in texts
+        assert said in texts(service)
+
+
+def texts(service: Service) -> list[str]:
+    """Texts of the journal on the disk."""
+    return [row.values["text"] for row in read_journal(service.directory)]
 
 
 def hanging(page: Page) -> None:
@@ -154,9 +167,11 @@ def hanging(page: Page) -> None:
     assert (reply["ok"], reply["code"]) == (True, "JRN-03"), reply
     assert reply["values"]["reason"]["values"]["number"] == reply["journal"]
     assert page.tags["override_percent"] == 50.0  # done all the same
-    for kind in ("stop", "power"):
-        reply = page.ask(kind, **({"on": False} if kind == "power" else {}))
-        assert (reply["ok"], reply["code"]) == (True, ""), reply
+    stopped = page.ask("stop")
+    assert (stopped["ok"], stopped["code"]) == (True, "")
+    page.until(lambda tags: tags["epoch"] == stopped["epoch"])  # a picture of before the stop may still come
+    off = page.ask("power", on=False)
+    assert (off["ok"], off["code"]) == (True, ""), off
     page.until(lambda tags: tags["power_phase"] == "off")
     assert page.tags["journal_committed"] < page.tags["journal_sequence"]
     # The scan was not held for a second: it would show as scans that were left out, and as SYS-03.

@@ -406,6 +406,7 @@ export const WORDS: Record<string, string> = {
   EVENTS_WAITED: "日志有 {time_s:.1f} 秒无法写入；事件在内存中等待",
   DISK_SLOW: "磁盘保存事件用了 {time_s:.1f} 秒，限值 {limit:g} 秒",
   EVENT_WAITS: "事件 {number} 在 {limit:g} 秒后仍未写入磁盘，在内存中等待",
+  USERS_WAIT: "{machine} 的日志在 {limit:g} 秒后仍无此用户变更",
   FIRST_PROCESS_GONE: "未作说明便已结束；其余进程使轴停止并结束",
   EVENT_LOST: "其事件没有位置等待记录进程",
   ROLE_MAY_NOT: "角色 {role} 无权执行（{action}）",

@@ -123,7 +123,9 @@ def test_changes_of_users_are_told_once_and_nothing_of_the_password(tmp_path: Pa
     users = Users(tmp_path)
     users.add("anna", Role.OPERATOR, PASSWORD)
     watch = UserWatch(users)
+    assert watch.changes() == ["users at the start: anna (operator)"]
     assert watch.changes() == []
+    assert watch.file_ns == users.path.stat().st_mtime_ns
     users.add("eve", Role.VIEWER, PASSWORD, "anna")
     assert watch.changes() == ["user eve was added, role viewer, an account of anna"]
     users.set_person("eve", "eve")

@@ -35,6 +35,7 @@ def user_add(name: str, role: str, person: str) -> int:
 
     _users().add(name, Role(role), _password(), person)
     click.echo(f"user {name} may log in as {role}")
+    _wait_until_kept()
     return 0
 
 
@@ -44,6 +45,7 @@ def user_passwd(name: str) -> int:
     """Change a password; ends the sessions of this user."""
     _users().set_password(name, _password())
     click.echo(f"user {name} has a new password")
+    _wait_until_kept()
     return 0
 
 
@@ -54,6 +56,7 @@ def user_person(name: str, person: str) -> int:
     """Say that user NAME is an account of PERSON; ends its sessions."""
     _users().set_person(name, person)
     click.echo(f"user {name} is an account of {person}")
+    _wait_until_kept()
     return 0
 
 
@@ -63,6 +66,7 @@ def user_remove(name: str) -> int:
     """Remove a user; ends its sessions."""
     _users().remove(name)
     click.echo(f"user {name} is gone")
+    _wait_until_kept()
     return 0
 
 
@@ -92,6 +96,19 @@ def _users() -> Users:
     from gantryctl.service.supervisor.users import Users
 
     return Users(state_root())
+
+
+def _wait_until_kept() -> None:
+    """Wait until the journals of running services have the change, or say that they do not."""
+    from gantryctl.operation.store import state_root
+    from gantryctl.program.alarms.codes import Code
+    from gantryctl.program.alarms.log import refusal
+    from gantryctl.program.alarms.words import Words
+    from gantryctl.service.supervisor.users_kept import WAIT_S, not_kept, running
+
+    for machine in not_kept(_users(), running(state_root())):
+        late = refusal(Code.JRN_03, reason=Words.USERS_WAIT(machine=machine, limit=WAIT_S))
+        click.echo(f"{late.line}; look at the disk, and at `gantryctl journal show`", err=True)
 
 
 def _password() -> str:

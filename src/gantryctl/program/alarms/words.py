@@ -619,6 +619,10 @@ class Words(Enum):
         "event {number} is not on the disk after {limit:g} s, it waits in memory",
         "事件 {number} 在 {limit} 秒后仍未写入磁盘，在内存中等待",
     )
+    USERS_WAIT = (
+        "the journal of {machine} does not have the change of users after {limit:g} s",
+        "{machine} 的日志在 {limit} 秒后仍无此用户变更",
+    )
     FIRST_PROCESS_GONE = (
         "has ended without a word; the others bring the axis to rest and end",
         "未作说明便已结束；其余进程使轴停止并结束",

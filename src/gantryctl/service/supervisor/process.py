@@ -162,7 +162,7 @@ class Supervisor:
                     child.end_hung(self._tell, time.monotonic_ns())
             before_s = now_s
             for text in users.changes():
-                self.hub.events.put("user", text)
+                self.hub.events.put("user", text, None, file_ns=users.file_ns)
             if now_s - certificates_s >= _CERTIFICATES_S:
                 certificates_s = now_s
                 for text in certificates.due(self._options.certificates(), datetime.now(UTC)):

@@ -22,6 +22,8 @@ FILE: Final = "users.json"
 FORMAT: Final = "gantryctl users, version 1"
 PASSWORD_MIN: Final = 12
 PASSWORD_MAX: Final = 256
+# Names of users in a line of the journal, which has 500 bytes.
+_LISTED: Final = 8
 _NAME: Final = re.compile(r"[a-z][a-z0-9._-]{0,31}")
 # Decision 0011: 0.1 s and 32 MB a check; one check at a time.
 _N, _R, _P = 2**15, 8, 1
@@ -116,6 +118,13 @@ class Users:
             return ""
         return "" if user is None else user.person
 
+    def changed_ns(self) -> int:
+        """When the file was written, ns of the clock of the computer; 0 where there is none."""
+        try:
+            return self.path.stat().st_mtime_ns
+        except OSError:
+            return 0
+
     def check(self, name: str, password: str) -> User | None:
         """Return the user if the password is right."""
         # An unknown name takes the same time: guesses learn nothing about names.
@@ -174,15 +183,20 @@ _UNKNOWN: Final = User("", Role.VIEWER, "", "00" * 16, "00" * 32, _N, _R, _P, ""
 
 
 class UserWatch:
-    """Changes of the file while the service runs, for the journal."""
+    """Changes of the file while the service runs, for the journal.
+
+    Attributes:
+        file_ns: time of the file that was seen last, as `Users.changed_ns`.
+    """
 
     def __init__(self, users: Users) -> None:
         self._users = users
         self._stamp: object = self
         self._known: dict[str, User] | None = None
+        self.file_ns = 0
 
     def changes(self) -> list[str]:
-        """Return one line for each change since the last call; none at the first."""
+        """Return one line for each change since the last call; at the first, who there is."""
         try:
             found = self._users.path.stat()
             stamp: object = (found.st_mtime_ns, found.st_ino, found.st_size)
@@ -190,13 +204,23 @@ class UserWatch:
             stamp = None
         if stamp == self._stamp:
             return []
-        self._stamp = stamp
+        self._stamp, self.file_ns = stamp, self._users.changed_ns()
         try:
             users = self._users.all()
         except StateError as fault:
             return [refusal(Code.SEC_01, reason=Words.USERS_DAMAGED(fault=fault)).line]
         before, self._known = self._known, users
-        return [] if before is None else _differences(before, users)
+        if before is None:
+            return _listed(users)
+        # Whoever wrote the file waits for an event.
+        return _differences(before, users) or ["the file of users was written again, nothing has changed"]
+
+
+def _listed(users: dict[str, User]) -> list[str]:
+    """Who there is, some in a line: changes that were made while no service ran can be seen so."""
+    names = [f"{name} ({user.role})" for name, user in sorted(users.items())]
+    parts = [names[n : n + _LISTED] for n in range(0, len(names), _LISTED)]
+    return [f"users at the start: {', '.join(part)}" for part in parts]
 
 
 def _differences(before: dict[str, User], now: dict[str, User]) -> list[str]:
