@@ -19,6 +19,7 @@ PAGES = {
     "docs/how-to/after-an-alarm.md": ["move 0.5"],
     "docs/how-to/inject-faults.md": [],
     "docs/how-to/describe-a-machine.md": ["config init other.toml"],
+    "docs/how-to/back-up-and-restore.md": ["move 0.1"],
     "docs/how-to/prove-accuracy.md": ["config init my.toml"],
     "docs/how-to/write-a-program.md": [],
 }

@@ -267,6 +267,43 @@ def diff(first: Path, second: Path | None, as_json: bool) -> None:
         click.echo("the values in force are the same")
 
 
+@config.command()
+@click.option("--config", "option", type=PATH, help="Machine file; the reference gantry when not given.")
+@json_option
+def export(option: Path | None, as_json: bool) -> None:
+    """Print all settings as one document: machine file in force, service, operator, encoder, accounts.
+
+    The service may run. Nothing secret is in it.
+    """
+    from gantryctl.machine import load_machine
+    from gantryctl.operation.store import state_root
+    from gantryctl.service.backup.settings import settings_of
+
+    path = _chosen(None, option)
+    machine = load_machine(path)
+    found = settings_of(machine, state_root())
+    if as_json:
+        print_json({**found, "ledger": [row.in_english for row in _ledger(machine)]})
+        return
+    click.echo(f"# All settings of {machine.name}, {found['exported']}, gantryctl {found['version']}.")
+    _show_values(machine, path)
+    for section in ("service", "operator", "encoder"):
+        click.echo(f"\n[{section}]")
+        for name, value in found[section].items():
+            click.echo(f"{name:<34} {'-' if value in (None, '') else value}")
+    click.echo("\n[opcua]")
+    for name in ("opcua_trusted", "opcua_revoked"):
+        click.echo(f"{name:<34} {', '.join(found[name]) or '-'}")
+    click.echo("\n[accounts]")
+    for user in found["accounts"]:
+        click.echo(f"{user['name']:<34} {user['role']}, person {user['person']}, password of {user['since']}")
+    rows = _ledger(machine)
+    if rows:
+        click.echo("\n[ledger]")
+        for row in rows:
+            click.echo(row.text)
+
+
 def _chosen(file: Path | None, option: Path | None) -> Path:
     """The file to work on: the argument, the option, or the reference machine."""
     from gantryctl.errors import UsageError

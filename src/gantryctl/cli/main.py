@@ -67,6 +67,9 @@ COMMANDS: Final = {
     ),
     "serve": Entry("service.serve", "serve", "Run the controller with its operator page."),
     "user": Entry("service.user", "user", "Users of the page: add, list, remove, passwd."),
+    "backup": Entry(
+        "service.backup", "backup", "Configuration, state and journal as one file: create, show, restore."
+    ),
     "journal": Entry("service.journal", "journal", "The service's journal: show, verify, export."),
     "attach": Entry("axis.attach", "attach", "Send the commands of a machine to its running service."),
     "detach": Entry("axis.attach", "detach", "End that: commands run on their own."),
@@ -78,7 +81,9 @@ COMMANDS: Final = {
     "arm": Entry("axis.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."),
     "encoder": Entry("axis.encoder", "encoder", "The absolute reference: show, set-zero."),
     "retain": Entry("axis.state", "retain", "The controller's retained memory: show."),
-    "config": Entry("config", "config", "Machine files: init, check, show, schema, diff."),
+    "config": Entry(
+        "config", "config", "Machine files: init, check, show, schema, diff; export all settings."
+    ),
     "trace": Entry("trace", "trace", "Recordings: show, plot, export."),
     "can": Entry("drive.can", "can", "The CAN bus: who is on it, what was said on it."),
     "drive": Entry("drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."),

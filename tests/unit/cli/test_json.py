@@ -104,6 +104,10 @@ RUNS: dict[str, list[str]] = {
     "config show": ["config", "show", "a.toml"],
     "config diff": ["config", "diff", "a.toml", "b.toml"],
     "config init": ["config", "init", "new.toml", "--improved"],
+    "config export": ["config", "export"],
+    "backup create": ["backup", "create", "new.tar.gz"],
+    "backup show": ["backup", "show", "old.tar.gz"],
+    "backup restore": ["backup", "restore", "old.tar.gz"],
     "trace show": ["trace", "show", "run.parquet"],
     "trace plot": ["trace", "plot", "run.parquet"],
     "trace export": ["trace", "export", "run.parquet", "--format", "csv"],
@@ -126,6 +130,9 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
     )
     Path("bus.log").write_text("(1.000000) can0 080#\n(1.004000) can0 182#270200000000\n")
+    if command.startswith("backup"):
+        prepare()
+        done("backup", "create", "old.tar.gz")
     if command == "accuracy measure":
         values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
         machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})

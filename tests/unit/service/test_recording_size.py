@@ -10,7 +10,7 @@ import pytest
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
-from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.memory.snapshot import publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder, rest_metadata
 from gantryctl.service.recorder.trace_writer import REST_BLOCK_S, TraceWriter
@@ -70,8 +70,7 @@ def by_event(trace: Trace, metadata: dict[str, float], folder: Path, seconds: fl
         writer.drain(at_once=True)
     (live,) = folder.iterdir()
     size = live.stat().st_size
-    memory.words[Word.ENDING] = 1
-    writer.end()
+    writer.end(last=True)
     (closed,) = folder.iterdir()
     memory.close()
     return Size(size, closed.stat().st_size)

@@ -214,13 +214,12 @@ def test_a_recorder_ended_alone_leaves_its_file_to_the_next_and_the_end_of_the_s
     bench = Bench(tmp_path)
     bench.rows(100)
     bench.writer.drain(at_once=True)
-    bench.writer.end()
+    bench.writer.end(last=False)
     assert [file.suffix for file in tmp_path.iterdir()] == [".arrows"]
     bench.start()
     bench.rows(100)
-    bench.memory.words[Word.ENDING] = 1
     bench.writer.drain(at_once=True)
-    bench.writer.end()
+    bench.writer.end(last=True)
     assert [file.suffix for file in tmp_path.iterdir()] == [".parquet"]
     assert bench.kept() == [k / 7 for k in range(200)]
     bench.memory.close()

@@ -16,6 +16,7 @@ import click
 from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine_path, short_hash
 from gantryctl.operation.store import StateStore, state_root
+from gantryctl.service.backup.settings import keep_service_options
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import refuse_expired
 from gantryctl.service.supervisor.private_files import private_files
@@ -66,6 +67,17 @@ def run_service(
     if any(check.vital and not check.ok for check in checks):
         raise StateError("the self-test failed: the service does not start")
     config = (config_file or default_machine_path()).resolve()
+    keep_service_options(
+        store.directory,
+        {
+            "config": str(config),
+            "page": None if page is None else _options_of(page),
+            "opcua": opcua,
+            "second_person": second_person,
+            "bus_log": None if bus_log is None else str(bus_log.resolve()),
+            **keeping._asdict(),
+        },
+    )
     gateway = (
         None if page is None or listener is None else gateway_command(page, listener, root, store.directory)
     )
@@ -99,6 +111,15 @@ def run_service(
         click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
 
     return asyncio.run(supervisor.run(ready))
+
+
+def _options_of(page: Listen) -> dict[str, object]:
+    files = {"tls_cert": page.certificate, "tls_key": page.key}
+    return {
+        "listen": page.address,
+        **{name: str(file.resolve()) if file else None for name, file in files.items()},
+        "names": list(page.names),
+    }
 
 
 def opcua_command(address: str, root: Path, directory: Path) -> list[str]:

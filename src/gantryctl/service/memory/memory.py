@@ -65,8 +65,6 @@ class Word(IntEnum):
     RECORDING = 8
     # Number of a recording that is to go on in a next file.
     RECORDING_LONG = 9
-    # 1 from the end of the service on: nobody goes on with what its processes leave.
-    ENDING = 10
 
 
 class JournalState(IntEnum):

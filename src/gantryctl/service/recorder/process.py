@@ -288,9 +288,7 @@ def main(arguments: list[str]) -> int:
     for note in events.notes:
         sys.stderr.write(f"recorder: {note.text}\n")
     traces.drain(at_once=True)
-    if others.orphaned:
-        memory.words[Word.ENDING] = 1
-    traces.end()
+    traces.end(last=others.gone)
     events.close()
     run_file.close()
     return 0

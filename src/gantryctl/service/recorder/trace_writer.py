@@ -213,9 +213,9 @@ class TraceWriter:
         if made is not None:
             self._closing.close(made)
 
-    def end(self) -> None:
-        """Finish everything when the service ends; else leave the file to the recorder that comes next."""
-        if self._memory.words[Word.ENDING]:
+    def end(self, *, last: bool) -> None:
+        """Finish everything with the last process of a service; else leave the file to the recorder that comes next."""
+        if last:
             self.close()
             self.join()
             self.finish_left()

@@ -183,7 +183,6 @@ class Supervisor:
         """End the axis first, then the page, then the journal."""
         # The axis must be at rest while the journal still takes events.
         self.hub.events.put("service", "the service ends")
-        self.memory.words[Word.ENDING] = 1
         viewers = [child for child in (self.gateway, self.opcua) if child is not None]
         for child in viewers:
             child.leave()
