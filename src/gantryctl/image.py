@@ -319,6 +319,8 @@ class OperatorCommand(NamedTuple):
     """Speed override 0..1."""
     lease: int = 0
     """Hold-to-run: a new value renews the lease ([monitors] lease_ms); an unchanged value lets it run out."""
+    lease_age_s: float = 0.0
+    """So much of the lease had passed when it was renewed: age of what the person saw who holds the key."""
     remote: bool = False
     """The operator sits at a remote screen: moves need the enabling switch as motion by hand does."""
 

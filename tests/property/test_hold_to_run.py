@@ -15,24 +15,29 @@ from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
 
 LEASE_S = 0.250
+SCAN_S = 0.001
+AGES = st.sampled_from([0.0, 0.02, 0.15, 0.2])
 LEASES = [f"{n:016x}" for n in range(6)]
 CLIENTS = ["a", "b"]
 PLACES = {"a": "loopback", "b": "loopback", "c": "local"}
 
 
 class Leases(RuleBasedStateMachine):
-    """The key is held exactly while the newest lease was begun once, renewed in time, and never ended."""
+    """The key is held exactly while the newest lease was begun once, renewed in time, and never ended.
+
+    In time: from the issue of the newest frame named, however late or often it is named.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self.hold = HoldToRun(LEASE_S)
+        self.hold = HoldToRun(LEASE_S, SCAN_S)
         self.now = 100.0
         self.dead: set[str] = set()
         self.live: tuple[str, str] | None = None
-        self.due = 0.0
+        self.issued = 0.0
 
     def _expire(self) -> None:
-        if self.live is not None and self.now >= self.due:
+        if self.live is not None and not self.now + SCAN_S - self.issued < LEASE_S:
             self.live = None
 
     @rule(seconds=st.sampled_from([0.001, 0.03, 0.2, 0.249, 0.25, 0.3]))
@@ -41,25 +46,28 @@ class Leases(RuleBasedStateMachine):
         self.hold.check(self.now)
         self._expire()
 
-    @rule(lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS), forward=st.booleans())
-    def press(self, lease: str, client: str, forward: bool) -> None:
-        refused = self.hold.begin(lease, client, forward, self.now)
+    @rule(
+        lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS), forward=st.booleans(), age=AGES
+    )
+    def press(self, lease: str, client: str, forward: bool, age: float) -> None:
+        refused = self.hold.begin(lease, client, forward, self.now - age, self.now)
         fresh = lease not in self.dead
         self.dead.add(lease)
         assert (refused is None) is (fresh and self.live is None)
         if fresh:  # a second key releases the first
             self.live = None if self.live is not None else (lease, client)
-            self.due = self.now + LEASE_S
+            self.issued = self.now - age
 
-    @rule(lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS))
-    def renew(self, lease: str, client: str) -> None:
+    @rule(lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS), age=AGES)
+    def renew(self, lease: str, client: str, age: float) -> None:
         before = self.hold.count
-        refused = self.hold.renew(lease, client, self.now)
+        refused = self.hold.renew(lease, client, self.now - age, self.now)
         self._expire()
         assert (refused is None) is (self.live == (lease, client))
-        assert self.hold.count == before + (refused is None)
-        if refused is None:
-            self.due = self.now + LEASE_S
+        newer = refused is None and self.now - age > self.issued
+        assert self.hold.count == before + newer
+        if newer:
+            self.issued = self.now - age
 
     @rule(lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS))
     def release(self, lease: str, client: str) -> None:

@@ -62,10 +62,12 @@ from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
+from gantryctl.service.command.frame_clock import FrameClock
 from gantryctl.service.command.inbox import CommandQueue, Inbox
 from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.permit import Permit
+from gantryctl.service.command.round_trip import RoundTrip
 from states.people import Now, Panel
 from states.snapshot import names_of
 from states.stub_drive import StubDrive
@@ -165,7 +167,7 @@ def _levels(name: str) -> Special:
         levels: OperatorCommand = getattr(holder, name)
         renewed = levels.lease == roots.operator.levels.lease
         # A target counts at the edge of `move` only.
-        return levels._replace(lease=0, target_rad=levels.target_rad if levels.move else 0.0), renewed
+        return levels._replace(lease=0, lease_age_s=0.0, target_rad=levels.target_rad if levels.move else 0.0), renewed
 
     return rule
 
@@ -431,9 +433,9 @@ RULES: Final[dict[type, Rules]] = {
     ServiceOperator: Rules(
         same="_gap _test_ended shutdown",
         count="_stop_scans",
-        part="_inbox arming authority hold permit",
+        part="_inbox arming authority frames hold permit",
         clock="_acting _refusals",
-        fixed="_acknowledge events now program ranges start_s",
+        fixed="_acknowledge _keys events now program ranges",
         unread="refusals",
         special={
             "levels": _levels("levels"),
@@ -442,12 +444,15 @@ RULES: Final[dict[type, Rules]] = {
     ),
     HoldToRun: Rules(
         same="client forward reverse",
-        clock="_began_s _renewed_s _used count too_long",
-        fixed="lease_s",
+        clock="_began_s _used count issued_s too_long",
+        fixed="_scan_s lease_s",
         unread="ended",
         special={"_lease": lambda hold, _: bool(hold._lease)},
     ),
-    Authority: Rules(same="holder", clock="_alive_s epoch"),
+    Authority: Rules(same="holder", part="round_trip", clock="_alive_s epoch"),
+    FrameClock: Rules(clock="issued_ms", fixed="_secret start_s"),
+    # Everybody here names the newest frame: no press is refused for a slow connection.
+    RoundTrip: Rules(clock="_samples"),
     Arming: Rules(
         fixed="second_person",
         special={

@@ -15,6 +15,7 @@ from gantryctl.program.settings import AxisSettings
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.permit import Permit
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import Identity, to_record
 from states.abstraction import Roots, kept
 from states.brief_settings import PERIOD_S
@@ -101,10 +102,11 @@ class World:
 
     def _send(self, event: Event, who: Identity, operator: ServiceOperator) -> None:
         self._seq += 1
+        operator.frames.tick(operator.now())
         raw: dict[str, Any] = {
             "type": event.kind,
             "seq": self._seq,
-            "frame": operator.frame,
+            "frame": mark_of(operator.frames.issued_ms, operator.frames.key, who.client),
             **dict(event.values),
         }
         if event.kind not in ("alive", "stop", "quick_stop", "release"):

@@ -19,6 +19,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.runtime import VirtualClock
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import Entry
@@ -58,7 +59,7 @@ class Replay:
             self._controller = Controller(machine, store, self._memory)
             self._engine, self._operator = self._controller.engine, self._controller.operator
             self._engine.clock = VirtualClock()
-            self._operator.now, self._operator.start_s = lambda: self._engine.time_s, 0.0
+            self._operator.now, self._operator.frames.start_s = lambda: self._engine.time_s, 0.0
             self._memory.words[Word.RECORDER_NS] = 2**62
             self._poll, self._operator.poll = self._operator.poll, self._polled
             self._controller.run(real_time=False)
@@ -85,11 +86,15 @@ class Replay:
 
     def _send(self, who: Identity, kind: str, values: dict[str, Any]) -> None:
         self._seq += 1
-        message = {"type": kind, "seq": self._seq, "frame": self._operator.frame, **values}
+        message = {"type": kind, "seq": self._seq, "frame": self._mark(who), **values}
         if kind not in WITHOUT_EPOCH:
             message["epoch"] = self._operator.authority.epoch
         ring = self._memory.commands[Source.LOCAL if who.place == "local" else Source.WEB]
         assert ring.put(to_record(who, message))
+
+    def _mark(self, who: Identity) -> str:
+        frames = self._operator.frames
+        return mark_of(frames.issued_ms, frames.key, who.client)
 
     def _take_rows(self) -> None:
         while (record := self._memory.rows.take()) is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from gantryctl.image import Mode
@@ -14,8 +15,9 @@ from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import first_levels
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.memory.events import EventLog
-from gantryctl.service.memory.memory import JournalHealth, Word
+from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Word
 from gantryctl.service.memory.ring import Ring
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.wiring.engine import build_engine, build_program
@@ -39,14 +41,23 @@ class Bench:
     """One axis with the operator of the service; `scans` goes on in time.
 
     Attributes:
-        epoch, frame: what a page sees now.
+        epoch: what a page sees now.
         lively: whoever has control gives a sign of life twice a second.
         stops: how often the axis has come to rest.
     """
 
-    def __init__(self, *, second_person: bool = False, machine: Machine = MACHINE) -> None:
-        self.commands, self.replies = (ring(512), ring(64)), (ring(512), ring(64))
+    def __init__(
+        self,
+        *,
+        second_person: bool = False,
+        machine: Machine = MACHINE,
+        memory: SharedMemory | None = None,
+    ) -> None:
+        self.commands: Sequence[Ring] = (ring(512), ring(64))
+        self.replies: Sequence[Ring] = (ring(512), ring(64))
         self.event_ring = ring(4096)
+        if memory is not None:
+            self.commands, self.replies = memory.commands, memory.replies
         self.events = EventLog(self.event_ring)
         drive = sim_drive(machine)
         program = build_program(machine, drive)
@@ -81,9 +92,10 @@ class Bench:
     def epoch(self) -> int:
         return self.operator.authority.epoch
 
-    @property
-    def frame(self) -> int:
-        return self.operator.frame
+    def frame(self, who: Identity) -> str:
+        """Mark of the status frame that a connection would get now."""
+        frames = self.operator.frames
+        return mark_of(frames.issued_ms, frames.key, who.client)
 
     def who(self, role: Role = Role.OPERATOR, client: str = "", place: str = "loopback") -> Identity:
         return Identity(client or f"{role}-{place}", str(role), role, place)
@@ -115,7 +127,7 @@ class Bench:
     def send(self, who: Identity, kind: str, **values: Any) -> int:
         """Put a message into the ring as the gateway does."""
         self.seq += 1
-        raw = {"type": kind, "seq": self.seq, "frame": self.frame, "epoch": self.epoch, **values}
+        raw = {"type": kind, "seq": self.seq, "frame": self.frame(who), "epoch": self.epoch, **values}
         if kind in ("alive", "stop", "quick_stop", "release"):
             raw.pop("epoch")
         assert self.commands[1 if who.place == "local" else 0].put(to_record(who, raw))

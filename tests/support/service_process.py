@@ -171,7 +171,7 @@ class Page:
         self._connecting, self.cookie = connecting, cookie
         self.socket = connecting.__enter__()
         self.tags: dict[str, Any] = {}
-        self.frame = self.seq = 0
+        self.frame, self.seq = "", 0
         self.replies: dict[int, dict[str, Any]] = {}
         self.welcome = json.loads(self.socket.recv())
         self.look()

@@ -21,6 +21,7 @@ from gantryctl.service.clients.hub import Hub
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.roles import Role
 
 ORIGIN = "http://127.0.0.1:1"
@@ -36,7 +37,7 @@ class PageInProcess:
         engine = controller.engine
         engine.clock = VirtualClock()
         controller.operator.now = lambda: engine.time_s
-        controller.operator.start_s = 0.0
+        controller.operator.frames.start_s = 0.0
         self._publisher = Publisher(
             controller.machine, engine, controller.operator, controller.alarms, controller.brake,
             controller._recorder, memory, real_time=False, version="test",
@@ -44,6 +45,7 @@ class PageInProcess:
         self._to_service: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
         self.status: dict[str, Any] = {}
         self._replies: dict[int, dict[str, Any]] = {}
+        self._client = ""
         self._seq = 0
 
     async def receive(self) -> dict[str, Any]:
@@ -56,6 +58,8 @@ class PageInProcess:
         frame = json.loads(message["text"])
         if frame["type"] == "status":
             self.status.update(frame["tags"])
+        elif frame["type"] == "welcome":
+            self._client = frame["client"]
         elif "seq" in frame:
             self._replies[frame["seq"]] = frame
 
@@ -81,7 +85,10 @@ class PageInProcess:
     def _put(self, kind: str, **values: object) -> int:
         self._seq += 1
         operator = self.controller.operator
-        raw = {"type": kind, "seq": self._seq, "frame": operator.frame, **values}
+        # The newest frame, whatever the hub has sent: axis time runs faster than the clock of the hub.
+        frames = operator.frames
+        mark = mark_of(frames.issued_ms, frames.key, self._client)
+        raw = {"type": kind, "seq": self._seq, "frame": mark, **values}
         if kind != "alive":
             raw["epoch"] = operator.authority.epoch
         self._to_service.put_nowait({"type": "websocket.receive", "text": json.dumps(raw)})

@@ -2,10 +2,10 @@
 const FORGET = 0.001;
 
 /**
- * How late status frames arrive, from their numbers alone.
+ * How late status frames arrive, from their times of issue alone.
  *
- * Frames are numbered by the controller's clock, one every `frameMs`, so number times period is its time. The quickest
- * frames set the zero; it is forgotten slowly, for two clocks drift, and at once when a controller starts anew.
+ * Frames carry their time by the controller's clock. The quickest frames set the zero; it is forgotten slowly, for two
+ * clocks drift, and at once when a controller starts anew.
  */
 export class Lateness {
   #zero = Infinity;
@@ -13,12 +13,12 @@ export class Lateness {
   #at = 0;
 
   /** Milliseconds that this frame is late; 0 for the first. */
-  of(frame: number, now: number, frameMs: number): number {
-    if (frame < this.#last) this.#zero = Infinity;
-    const offset = now - frame * frameMs;
+  of(issued: number, now: number): number {
+    if (issued < this.#last) this.#zero = Infinity;
+    const offset = now - issued;
     const zero = Number.isFinite(this.#zero) ? this.#zero + FORGET * (now - this.#at) : offset;
     this.#zero = Math.min(zero, offset);
-    this.#last = frame;
+    this.#last = issued;
     this.#at = now;
     return offset - this.#zero;
   }

@@ -15,7 +15,8 @@ const COLUMNS = [
 export type Column = (typeof COLUMNS)[number];
 export type Rows = Record<Column, (number | null)[]>;
 
-const MAX_ROWS = 12_000; // ten minutes at 20 Hz
+const KEPT_S = 600;
+const CLEARED_ROWS = 1000;
 
 /** The last ten minutes; a gap in the data is a row of nothing. */
 export class History {
@@ -32,7 +33,13 @@ export class History {
       this.#rows.push([before + 1e-3, ...Array(COLUMNS.length - 1).fill(null)]);
     this.#gap = false;
     this.#rows.push(row);
-    if (this.#rows.length > MAX_ROWS + 1000) this.#rows.splice(0, 1000);
+    if (this.#rows.length % CLEARED_ROWS === 0) {
+      const since = row[0] - KEPT_S;
+      this.#rows.splice(
+        0,
+        this.#rows.findIndex((each) => (each[0] ?? 0) >= since),
+      );
+    }
   }
 
   /** Data went stale: whatever comes next is not joined to what was. */

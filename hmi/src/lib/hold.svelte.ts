@@ -1,11 +1,10 @@
-// Hold-to-run: the axis moves while a key is held, and this page proves every 30 ms that it still is.
+// Hold-to-run: the axis moves while a key is held, and this page proves with every status frame that it still is.
 import { link } from './link.svelte';
+import type { Reply } from './protocol';
 import type { Commands } from './tables';
 
 export type Direction = Commands['jog']['direction'];
 
-/** A press on data older than this is not sent: it would arrive too late to be meant. */
-const PRESS_AGE_MS = 200;
 /** A lease that the controller has not shown by now will not live any more. */
 const GRACE_MS = 400;
 
@@ -14,6 +13,8 @@ type Ending = '' | 'released' | 'both' | 'left' | 'stale' | 'late' | 'refused' |
 class Hold {
   direction = $state<Direction | null>(null);
   ended = $state<Ending>('');
+  /** The refusal of the last press. */
+  refusal = $state.raw<Reply | null>(null);
   #lease = '';
   #pressedAt = 0;
   #timer = 0;
@@ -25,13 +26,15 @@ class Hold {
     for (const name of ['pointerup', 'pointercancel']) addEventListener(name, () => this.release('released'));
     link.refused = () => this.#forget('lost');
     link.watch = () => this.#check();
+    link.framed = () => this.#beat();
   }
 
   /** Begin; both keys together mean stop. */
   press(direction: Direction): void {
     if (this.direction !== null) return this.release('both');
     if (link.stale) return;
-    if (link.since() > PRESS_AGE_MS) {
+    // A press on old data is not sent: it would arrive too late to be meant.
+    if (link.since() > (link.welcome?.key_view_max_ms ?? 200)) {
       this.ended = 'late';
       return;
     }
@@ -41,7 +44,9 @@ class Hold {
     this.direction = direction;
     this.ended = '';
     void link.send('jog', { lease, direction }).then((reply) => {
-      if (!reply.ok && this.#lease === lease) this.release('refused');
+      if (reply.ok || this.#lease !== lease) return;
+      this.refusal = reply;
+      this.release('refused');
     });
     this.#timer = window.setInterval(() => this.#beat(), link.welcome?.renew_ms ?? 30);
   }
@@ -54,7 +59,9 @@ class Hold {
     void link.send('release', { lease });
   }
 
+  /** With every status frame, and by a timer: only a newer frame makes the lease longer. */
   #beat(): void {
+    if (this.#lease === '') return;
     if (link.stale) this.release('stale');
     else if (!link.post('renew', { lease: this.#lease })) this.#forget('lost');
   }

@@ -30,10 +30,12 @@ class Link {
   refused: (reply: Reply) => void = () => {};
   /** Called with every status and every tick. */
   watch: () => void = () => {};
+  /** Called with every status, after its values are in force. */
+  framed: () => void = () => {};
 
   #socket: WebSocket | null = null;
   #seq = 0;
-  #frame = 0;
+  #frame = '';
   #freshAt = 0;
   #wait_ms = 500;
   #aliveAt = 0;
@@ -154,8 +156,7 @@ class Link {
 
   #status(status: Status): void {
     const now = performance.now();
-    const late_ms =
-      this.#lateness.of(status.frame, now, this.welcome?.frame_ms ?? 50) + (status.age_ms ?? Infinity);
+    const late_ms = Math.max(this.#lateness.of(status.tags.issued_ms ?? 0, now), status.age_ms ?? Infinity);
     this.#frame = status.frame;
     this.tags = { ...this.tags, ...status.tags };
     if (status.fresh && late_ms < this.#limit_ms()) {
@@ -163,15 +164,17 @@ class Link {
       this.history.add(this.tags);
     }
     this.#judge();
+    // At once with a frame: the controller measures the round trip by it.
+    if (this.mine && now - this.#aliveAt > ALIVE_MS) {
+      this.#aliveAt = now;
+      this.post('alive', {});
+    }
+    this.framed();
     this.watch();
   }
 
   #tick(): void {
     this.#judge();
-    if (this.mine && performance.now() - this.#aliveAt > ALIVE_MS) {
-      this.#aliveAt = performance.now();
-      this.post('alive', {});
-    }
     this.watch();
   }
 

@@ -15,17 +15,17 @@ export interface Welcome extends Session {
   /** Where this page is; a remote one is slow without the enabling switch. */
   place: 'local' | 'loopback' | 'remote';
   version: string;
-  frame_ms: number;
   lease_ms: number;
   renew_ms: number;
-  frames_max_jog: number;
-  frames_max: number;
+  key_view_max_ms: number;
+  round_trip_max_ms: number;
   stale_ms: number;
 }
 
 export interface Status {
   type: 'status';
-  frame: number;
+  /** Its mark for this connection: sent back as it is with every command. */
+  frame: string;
   fresh: boolean;
   age_ms: number | null;
   tags: Partial<Tags>;

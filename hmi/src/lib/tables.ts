@@ -50,8 +50,8 @@ export interface AlarmRow {
 }
 
 export interface Tags {
-  /** Status frame number of the controller, one every 50 ms. Commands echo it. */
-  frame: number | null;
+  /** When the controller issued these values, by its own clock since its start. [ms] */
+  issued_ms: number | null;
   /** Command epoch. Commands of another epoch are refused. */
   epoch: number | null;
   /** Scans since the controller started. */
@@ -84,6 +84,8 @@ export interface Tags {
   time_left_s: number | null;
   /** Way to rest if the key were released or Stop pressed now. [deg] */
   stopping_angle_deg: number | null;
+  /** Longest way to rest from these values if the page were gone while a key is held: speed setting x lease, then the jog-release ramp. [deg] */
+  key_lost_angle_deg: number | null;
   /** Way to rest with a quick stop now: rigid, no reaction. [deg] */
   quick_stop_angle_deg: number | null;
   /** Cable left in the minus direction. [deg] */
@@ -132,6 +134,8 @@ export interface Tags {
   estop_ok_2: boolean | null;
   /** Time left of the hold-to-run lease; 0 without one. [ms] */
   lease_left_ms: number | null;
+  /** From the controller to the screen that has control and back, shortest of the last 2 s; null without one. A key is not pressed above 150 ms. [ms] */
+  round_trip_ms: number | null;
   /** Active alarms. */
   alarm_count: number | null;
   /** Commands refused by the program since the start. */

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gantryctl.image import InputImage, Mode, OperatorCommand, OutputImage
+from gantryctl.motion import SetPoint, stop_point
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -94,7 +95,7 @@ class GantryProgram(AxisProgram):
         self._lease_scans = axis.settings.scans(axis.settings.monitors.lease_s)
         self._last = OperatorCommand()
         # Expired at the start: the first key needs a renewal.
-        self._lease_age = self._lease_scans
+        self._lease_age = float(self._lease_scans)
         self._move_gate = self._by_way = self._keys_dead = self._remote = False
         self._speed = 0.0
 
@@ -139,12 +140,21 @@ class GantryProgram(AxisProgram):
         if (self._remote or self.inch.busy) and not self.axis.feedback.inputs.enabling_switch:
             self._keep_the_cap()
 
+    def key_lost_angle_rad(self) -> float:
+        """Longest way to rest if a key that is held were not renewed any more: the lease at the speed set, then the ramp."""
+        settings, virtual = self.axis.settings, self.axis.virtual
+        speed = max(self._speed * virtual.override, abs(virtual.vel_ref_rad_s))
+        # On its way up to the speed the axis goes beyond it by what the jerk of the ramp takes from its acceleration.
+        acc = 0.0 if virtual.cruising else virtual.ramps.acc_rad_s2
+        ramp = settings.ramps.jog_release(settings.speed.setting_max_rad_s)
+        return speed * settings.monitors.lease_s + stop_point(SetPoint(0.0, speed, acc), ramp)
+
     # --- edges ------------------------------------------------------------------------------------
 
     def _changed(self, op: OperatorCommand, last: OperatorCommand) -> None:
         """Take lease, override, quick stop, mode and speed; judge whether move and keys may begin anything."""
         if op.lease != last.lease:
-            self._lease_age = 0
+            self._lease_age = op.lease_age_s / self.axis.settings.period_s
         self.override(override=op.override)
         # A motion begun from a remote screen stays remote until it has ended.
         self._remote = op.remote or (self._remote and self._under_way() is not None)

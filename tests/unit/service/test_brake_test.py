@@ -141,8 +141,8 @@ def test_it_needs_control_power_off_and_a_brake_that_can_be_tested() -> None:
     bench.do(who, "power", on=False)
     bench.until(AxisState.DISABLED)
     bench.scans(2000)
-    now = bench.operator.situation(bench.time_s)._replace(untestable=Words.NO_TORQUE_INPUT)
-    asked = checked({"type": "brake_test", "seq": 1, "frame": now.frame, "epoch": now.epoch})
+    now = bench.operator.situation(bench.time_s, who, bench.time_s)._replace(untestable=Words.NO_TORQUE_INPUT)
+    asked = checked({"type": "brake_test", "seq": 1, "frame": bench.frame(who), "epoch": now.epoch})
     with pytest.raises(MessageRefused, match="not testable here: the drive takes no torque") as refused:
         check_allowed(asked, who, now)
     assert refused.value.refusal.code == "CTL-14"

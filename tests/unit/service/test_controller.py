@@ -35,6 +35,7 @@ from gantryctl.service.controller.process import Controller
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_fast
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.units import deg
@@ -55,7 +56,7 @@ class Desk:
         self.engine, self.operator, self.axis = made.engine, made.operator, made.axis
         self.engine.clock = VirtualClock()
         self.operator.now = lambda: self.engine.time_s
-        self.operator.start_s = 0.0
+        self.operator.frames.start_s = 0.0
         self.permit = made.permit
         memory.words[Word.RECORDER_NS] = 2**62  # a recorder that is alive for ever
         self.seq = 0
@@ -73,10 +74,14 @@ class Desk:
 
     def send(self, kind: str, who: Identity = ALICE, **values: object) -> None:
         self.seq += 1
-        raw = {"type": kind, "seq": self.seq, "frame": self.operator.frame, **values}
+        raw = {"type": kind, "seq": self.seq, "frame": self.frame(who), **values}
         if kind != "alive":
             raw["epoch"] = self.operator.authority.epoch
         assert self.memory.commands[Source.WEB].put(to_record(who, raw))
+
+    def frame(self, who: Identity) -> str:
+        frames = self.operator.frames
+        return mark_of(frames.issued_ms, frames.key, who.client)
 
     def ask(self, kind: str, who: Identity = ALICE, **values: object) -> str:
         """The code of the reply, empty when it was done."""
@@ -205,7 +210,7 @@ def publisher_of(desk: Desk) -> Publisher:
 
 def published(desk: Desk) -> dict[str, Any]:
     """The tags that a page would see now."""
-    publish_fast(desk.memory.fast, publisher_of(desk).fast())
+    publish_fast(desk.memory.fast, publisher_of(desk).fast(), desk.operator.frames.key)
     return Snapshot(desk.memory).fast()[0]
 
 

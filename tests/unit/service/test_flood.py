@@ -18,6 +18,7 @@ from gantryctl.service.protocol.roles import Role
 from support.service_bench import Bench
 
 LEASE = "00000000000000aa"
+MARK = "1-0000000000000000"
 
 
 @pytest.mark.parametrize("kind", ["alive", "renew"])
@@ -119,21 +120,21 @@ def hub() -> Iterator[Hub]:
 
 def flood(client: Client) -> None:
     for n in range(100_000):
-        client.take(f'{{"type":"alive","seq":{n},"frame":1}}')
+        client.take(f'{{"type":"alive","seq":{n},"frame":"{MARK}"}}')
 
 
 def test_a_connection_sends_so_many_of_each_kind_and_what_is_more_does_not_reach_the_scan(hub: Hub) -> None:
     client = hub.connect("eve", Role.VIEWER, "loopback")
     before = hub._commands.written
-    for n in range(90):
-        client.take(f'{{"type":"alive","seq":{n},"frame":1}}')
+    for n in range(140):
+        client.take(f'{{"type":"alive","seq":{n},"frame":"{MARK}"}}')
     alive = hub._commands.written - before
-    assert 50 <= alive < 90  # a few come back while the loop runs
-    for n in range(60):
-        client.take(f'{{"type":"stop","seq":{n + 90},"frame":1}}')
+    assert 100 <= alive < 140  # a few come back while the loop runs
+    for n in range(40):
+        client.take(f'{{"type":"stop","seq":{n + 140},"frame":1}}')
     stops = hub._commands.written - before - alive
-    assert 20 <= stops < 60
-    client.take('{"type":"quick_stop","seq":200,"frame":1}')
+    assert 20 <= stops < 40
+    client.take('{"type":"quick_stop","seq":300,"frame":1}')
     assert hub._commands.written == before + alive + stops + 1
     assert any("SEC-06" in text for text in client.outgoing())
     with pytest.raises(Flooded):

@@ -13,6 +13,7 @@ from gantryctl.service.protocol.messages import (
     MESSAGES,
     SETTABLE,
     WITHOUT_EPOCH,
+    WITHOUT_FRAME,
     Arm,
     ChooseMode,
     MessageRefused,
@@ -21,7 +22,7 @@ from gantryctl.service.protocol.messages import (
     parse,
 )
 
-STAMP: dict[str, Any] = {"seq": 1, "frame": 2, "epoch": 3}
+STAMP: dict[str, Any] = {"seq": 1, "frame": "2-0123456789abcdef", "epoch": 3}
 LEASE = "0123456789abcdef"
 WHOLE: dict[str, dict[str, Any]] = {
     "take": {"over": True}, "power": {"on": False}, "mode": {"mode": "none"},
@@ -37,7 +38,8 @@ WHOLE: dict[str, dict[str, Any]] = {
 def test_a_whole_message_is_taken_with_its_values_as_they_came(kind: str) -> None:
     values = WHOLE.get(kind, {})
     message = checked({"type": kind, **STAMP, **values})
-    assert (message.kind, message.seq, message.frame) == (kind, 1, 2)
+    assert (message.kind, message.seq) == (kind, 1)
+    assert message.frame == ("" if kind in WITHOUT_FRAME else STAMP["frame"])
     assert message.epoch == (None if kind in WITHOUT_EPOCH else 3)
     assert [*message.values.items()] == [
         *values.items()
@@ -49,7 +51,7 @@ def test_a_whole_message_is_taken_with_its_values_as_they_came(kind: str) -> Non
 def test_each_key_is_needed_and_no_other_is_known(kind: str) -> None:
     whole = {"type": kind, **STAMP, **WHOLE.get(kind, {})}
     for name in whole:
-        if name == "epoch" and kind in WITHOUT_EPOCH:
+        if (name == "epoch" and kind in WITHOUT_EPOCH) or (name == "frame" and kind in WITHOUT_FRAME):
             continue
         refuse({other: value for other, value in whole.items() if other != name})
     refuse({**whole, "more": 1}, "more")
@@ -62,7 +64,7 @@ def refuse(found: object, name: str = "") -> None:
 
 WRONG: dict[str, list[Any]] = {
     "seq": [True, 1.0, -1, 2**53 + 1, "1", None],
-    "frame": [False, 0.5, [1]],
+    "frame": [False, 0.5, [1], 2, "2", "2-0123456789ABCDEF"],
     "epoch": ["3", None, -3, True],
     "over": [1, 0, "true", None],
     "target_deg": [True, "1", None, 1.1e9, -1.1e9, 10**400, float("nan"), float("inf"), [1.0]],
@@ -96,7 +98,7 @@ def test_values_of_another_kind_or_range_are_refused(name: str) -> None:
         ({"target_deg": -1e12}, "move: 'target_deg' -1000000000000.0 is beyond -1000000000"),
         ({"seq": 2**53 + 1}, "move: 'seq' 9007199254740993 is beyond 9007199254740992"),
         ({"seq": 1.5}, "move: 'seq' is not a whole number"),
-        ({"type": "jog", "lease": "x"}, "jog: 'lease' is not 16 hex digits"),
+        ({"type": "jog", "lease": "x"}, "jog: 'lease' does not match ^[0-9a-f]{16}$"),
         ({"type": "jog", "lease": 7}, "jog: 'lease' is not a text"),
         ({"type": "jog", "direction": "up"}, "jog: 'direction' is not one of 'forward', 'reverse'"),
         ({"type": "take", "over": 1}, "take: 'over' is neither true nor false"),
@@ -129,7 +131,7 @@ def test_texts_that_a_parser_may_read_in_two_ways_are_refused(text: str) -> None
 
 def test_a_refusal_carries_the_number_of_its_message() -> None:
     with pytest.raises(MessageRefused) as refused:
-        parse('{"type":"move","seq":12,"frame":1,"epoch":1,"target_deg":"1"}')
+        parse('{"type":"move","seq":12,"frame":"1-0123456789abcdef","epoch":1,"target_deg":"1"}')
     assert refused.value.seq == 12
 
 

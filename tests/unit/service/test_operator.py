@@ -34,7 +34,7 @@ def test_the_scan_itself_refuses_what_the_role_may_not(role: Role, kind: str) ->
     bench = Bench()
     values = VALUES.get(kind, {})
     stamp = {} if kind in WITHOUT_EPOCH else {"epoch": 1}
-    message = checked({"type": kind, "seq": 1, "frame": 1, **stamp, **values})
+    message = checked({"type": kind, "seq": 1, "frame": "1-0000000000000000", **stamp, **values})
     action = action_of(message)
     reply = bench.ask(bench.who(role), kind, **values)
     if not may(role, action):
@@ -150,7 +150,7 @@ def test_a_frozen_network_stops_once_or_not_at_all_and_never_starts_again(frozen
     who = bench.who()
     jogging(bench)
     bench.hold(3.0)
-    kept, seen, before = [], bench.frame, bench.stops
+    kept, seen, before = [], bench.frame(who), bench.stops
     for _ in range(frozen_ms // 30):
         bench.scans(30)
         bench.seq += 1
@@ -169,7 +169,7 @@ def test_press_and_release_in_a_freeze_start_nothing() -> None:
     bench = Bench()
     who = bench.who()
     bench.powered(who)
-    old = bench.frame
+    old = bench.frame(who)
     bench.scans(600)
     bench.send(who, "jog", lease=LEASE, direction="forward", frame=old)
     bench.send(who, "release", lease=LEASE)

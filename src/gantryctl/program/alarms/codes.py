@@ -169,6 +169,7 @@ class Code(StrEnum):
     SEC_10 = "SEC-10"
     SEC_11 = "SEC-11"
     SEC_12 = "SEC-12"
+    SEC_13 = "SEC-13"
     JRN_01 = "JRN-01"
     JRN_02 = "JRN-02"
     JRN_03 = "JRN-03"

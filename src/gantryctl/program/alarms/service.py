@@ -94,9 +94,9 @@ SERVICE: Final = (
     ),
     Definition(
         Code.SEC_02, _REFUSED, _REF,
-        Text("Too old", "status frame {frame} is {behind} behind, at most {limit}",
-             "The command was sent by a screen that showed an old state.", _AGAIN),
-        Text("过旧", "状态帧 {frame} 落后 {behind} 帧，最多 {limit}", "发出指令的屏幕显示的是旧状态。", _AGAIN_ZH),
+        Text("Too old", "{reason}",
+             "The command was sent by a screen that showed an old state, or another one than its own.", _AGAIN),
+        Text("过旧", "{reason}", "发出指令的屏幕显示的是旧状态，或不是其自身的状态。", _AGAIN_ZH),
     ),
     Definition(
         Code.SEC_03, _REFUSED, _REF,
@@ -163,6 +163,19 @@ SERVICE: Final = (
         Code.SEC_12, _REFUSED, _REF,
         Text("Not found", "not found", "No such address or recording.", "Check the address."),
         Text("未找到", "未找到", "没有该地址或记录。", "检查地址。"),
+    ),
+    # Issue 14: from the angle that a person sees to the end of the lease are 250 ms, whatever the network does.
+    Definition(
+        Code.SEC_13, _REFUSED, _REF,
+        Text("Connection too slow for a held key",
+             "from the controller to this screen and back takes {measured:.0f} ms, limit {limit:.0f} ms for a held key: "
+             "use a nearer screen or a wired network",
+             "Over a slow network a person sees the axis too late to let the key go in time.",
+             "Use a screen nearer to the machine, a wired network, or the local console; increments and moves to an "
+             "angle need no held key."),
+        Text("连接过慢，不能按住运行", "从控制器到此屏幕往返需 {measured} ms，按住运行的限值为 {limit} ms：请使用更近的屏幕或有线网络",
+             "网络过慢时，人看到轴的位置太晚，来不及松开按键。",
+             "使用离机器更近的屏幕、有线网络或本地控制台；增量和移动到角度不需要按住按键。"),
     ),
     # Fault catalogue F11 and decision 0011: recordings end first, then no new motion begins; events wait.
     Definition(

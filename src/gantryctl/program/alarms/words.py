@@ -638,6 +638,14 @@ class Words(Enum):
     WRONG_PASSWORD = "wrong name or password", "用户名或密码错误"
     LOCKED_OUT = "too many wrong passwords: wait", "密码错误次数过多：请等待"
     NO_USERS = "no login is possible: users.json cannot be read", "无法登录：users.json 不可读"
+    FRAME_OLD = (
+        "its status frame was {measured:.0f} ms old, limit {limit:.0f} ms",
+        "其状态帧已有 {measured} ms，限值 {limit} ms",
+    )
+    FRAME_UNKNOWN = (
+        "the controller has sent no such status frame to this connection",
+        "控制器未向此连接发送过该状态帧",
+    )
     SEQUENCE_USED = "sequence number {number} was used before", "序号 {number} 已用过"
     FOREIGN_PAGE = "asked from a foreign page", "请求来自其他网页"
     FOREIGN_HOST = "this host name is not served here", "此处不提供该主机名"
@@ -650,7 +658,7 @@ class Words(Enum):
     KEY_NO_WHOLE_NUMBER = "{kind}: {key} is not a whole number", "{kind}：{key} 不是整数"
     KEY_NO_BOOLEAN = "{kind}: {key} is neither true nor false", "{kind}：{key} 既非 true 也非 false"
     KEY_NO_TEXT = "{kind}: {key} is not a text", "{kind}：{key} 不是文本"
-    KEY_NO_LEASE = "{kind}: {key} is not 16 hex digits", "{kind}：{key} 不是 16 位十六进制数"
+    KEY_PATTERN = "{kind}: {key} does not match {pattern}", "{kind}：{key} 不符合 {pattern}"
     KEY_NO_CHOICE = "{kind}: {key} is not one of {choices}", "{kind}：{key} 不在 {choices} 之中"
     KEY_BEYOND = "{kind}: {key} {value} is beyond {limit:.16g}", "{kind}：{key} {value} 超出 {limit}"
     METHOD_WRONG = "{method} is not possible here, only {allowed}", "此处不能用 {method}，只能用 {allowed}"

@@ -1,6 +1,7 @@
 """Connections of clients to the controller, from page and local socket alike: status frames out, commands in.
 
 A connection gets the newest status frame when it is ready for one, so a slow reader loses frames and nothing queues up.
+Each frame carries a mark of this connection, which commands hand back; whoever holds a key gets frames more often.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 import secrets
 import time
 from collections import deque
+from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
@@ -23,12 +25,15 @@ from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.refusals import RefusalLog
 from gantryctl.service.memory.snapshot import Snapshot
 from gantryctl.service.protocol import limits, messages
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import SILENT, Identity, MessageRefused, compact
 from gantryctl.service.protocol.roles import Role, may, rights_of
 
 # The controller answers within a scan or two of 1 ms: replies are fetched as quickly while one is expected.
 _QUICK_S: Final = 0.002
 _OUT_MAX: Final = 200
+# Without a press or renewal for this long a connection holds no key, and gets frames like all others.
+_KEY_S: Final = 0.25
 
 
 class _Asked(NamedTuple):
@@ -54,15 +59,17 @@ class Client:
 
     def __init__(self, hub: Hub, who: Identity) -> None:
         self.who, self.wake = who, asyncio.Event()
-        self.used_s = time.monotonic()
+        self.used_s = hub.now()
         self.displaced = False
         self._hub = hub
         self._replies: deque[str] = deque()
         self._asked: dict[int, _Asked] = {}
-        self._sent_frame = self._sent_slow = -1
-        self._all = limits.RateLimiter(limits.FLOOD_PER_S)
-        self._commands = limits.RateLimiter(limits.COMMANDS_PER_S)
-        self._signs = limits.RateLimiter(limits.SIGNS_PER_S)
+        self._due = True
+        self._sent_slow = -1
+        self._key_s = -math.inf
+        self._all = limits.RateLimiter(limits.FLOOD_PER_S, now=hub.now)
+        self._commands = limits.RateLimiter(limits.COMMANDS_PER_S, now=hub.now)
+        self._signs = limits.RateLimiter(limits.SIGNS_PER_S, now=hub.now)
 
     def take(self, text: str | bytes) -> None:
         """Refuse one message of this connection, or hand it to the controller.
@@ -94,10 +101,28 @@ class Client:
             self._hub.refusals.put(self.who, message, refused)
             self.answer(messages.reply_to(seq or refused.seq, refused))
             return
+        self._follow_key(message.kind)
         if message.kind not in SILENT:
-            self.used_s = time.monotonic()
+            self.used_s = self._hub.now()
             self._asked[seq] = _Asked(self.used_s + limits.ANSWER_S, messages.is_kept_first(message))
             self._hub.expect()
+
+    def _follow_key(self, kind: str) -> None:
+        if kind in ("jog", "renew"):
+            self._key_s = self._hub.now()
+        elif kind == "release":
+            self._key_s = -math.inf
+        if kind == "jog":
+            self._hub.hurry()
+
+    def holds_key(self, now_s: float) -> bool:
+        """Whether its user holds a key, as far as its messages tell."""
+        return now_s - self._key_s < _KEY_S
+
+    def show(self) -> None:
+        """Send the newest status frame as soon as it is ready for it."""
+        self._due = True
+        self.wake.set()
 
     def waits_for_disk(self, reply: dict[str, Any]) -> bool:
         """Whether a reply of the controller is to wait for its event; from now on the controller owes nothing."""
@@ -127,23 +152,29 @@ class Client:
         # A slow reader loses status frames, never a reply and never the newest frame.
         texts = list(self._replies)
         self._replies.clear()
-        if self._hub.tick != self._sent_frame:
-            self._sent_frame = self._hub.tick
+        if self._due:
+            self._due = False
             whole = self._hub.slow_version != self._sent_slow
             self._sent_slow = self._hub.slow_version
-            texts.append(self._hub.status_text(whole=whole))
+            texts.append(self._hub.status_text(self.who.client, whole=whole))
         return texts
 
 
 class Hub:
     """All connections of one source.
 
+    Args:
+        now: the monotonic time, s.
+
     Attributes:
-        tick: number of the newest snapshot. slow_version: of the tags that are sent on change.
+        slow_version: of the tags that are sent on change.
         events: journal events of this source. refusals: those of refused commands.
     """
 
-    def __init__(self, memory: SharedMemory, source: Source) -> None:
+    def __init__(
+        self, memory: SharedMemory, source: Source, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.now = now
         self._memory, self._source = memory, source
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
@@ -151,12 +182,13 @@ class Hub:
         self._snapshot = Snapshot(memory)
         self._commits = CommitWait(memory.events[Source.CONTROLLER])
         self._clients: dict[str, Client] = {}
-        self.tick = self.slow_version = 0
+        self.slow_version = 0
+        self._all_due_s = now()
         self._fast: dict[str, Any] = {}
         self._slow: dict[str, Any] = {}
         self._age_ms = math.inf
         self._texts: dict[bool, str] = {}
-        self._expected = asyncio.Event()
+        self._expected, self._hurried = asyncio.Event(), asyncio.Event()
         # Connections of an earlier process of this source are gone, and their replies with them.
         self._replies.clear()
         place = "local" if source is Source.LOCAL else "web"
@@ -188,7 +220,7 @@ class Hub:
         # Who has control keeps it: a key may be held.
         free = [client for client in own if client.who.client != self._slow.get("authority_client")]
         oldest = min(free, key=lambda client: client.used_s, default=None)
-        if oldest is None or time.monotonic() - oldest.used_s < unused_s:
+        if oldest is None or self.now() - oldest.used_s < unused_s:
             return False
         oldest.displaced = True
         oldest.wake.set()
@@ -205,6 +237,8 @@ class Hub:
 
     def welcome(self, who: Identity) -> str:
         """The first message to a connection."""
+        lease_ms = self._memory.words[Word.LEASE_MS]
+        keys = limits.key_limits(lease_ms * 1e-3)
         found = {
             "type": "welcome",
             "client": who.client,
@@ -215,10 +249,12 @@ class Hub:
             "may": rights_of(who.role),
             "version": version("gantryctl"),
             "frame_ms": round(limits.FRAME_S * 1e3),
-            "lease_ms": self._memory.words[Word.LEASE_MS],
+            "key_frame_ms": round(limits.KEY_FRAME_S * 1e3),
+            "lease_ms": lease_ms,
             "renew_ms": round(limits.RENEW_S * 1e3),
-            "frames_max_jog": limits.FRAMES_MAX_JOG,
-            "frames_max": limits.FRAMES_MAX,
+            "view_max_ms": round(limits.VIEW_MAX_S * 1e3),
+            "key_view_max_ms": round(keys.view_max_s * 1e3),
+            "round_trip_max_ms": round(keys.round_trip_max_s * 1e3),
             "stale_ms": round(limits.STALE_S * 1e3),
         }
         return compact(found)
@@ -233,17 +269,31 @@ class Hub:
 
     # --- snapshots --------------------------------------------------------------------------------
 
-    def look(self) -> None:
-        """Take a new snapshot and wake every connection."""
+    def hurry(self) -> None:
+        """Take a snapshot at once: a key is pressed, its first renewals need frames."""
+        self._hurried.set()
+
+    def look(self) -> float:
+        """Take a new snapshot for all connections that are due for one; the time until the next are due, s."""
         self._fast, self._age_ms = self._snapshot.fast()
         self._slow = self._snapshot.slow()
         self.slow_version = self._snapshot.version
-        self.tick += 1
         self._texts.clear()
-        now_s = time.monotonic()
+        now_s = self.now()
+        everyone = not now_s < self._all_due_s
+        if everyone:
+            self._all_due_s = max(self._all_due_s + limits.FRAME_S, now_s)
+        key_held = False
         for client in self._clients.values():
-            client.overdue(now_s)
-            client.wake.set()
+            # Frames every 20 ms cost 2.5 times as much: one connection at most gets them, the one that has control.
+            held = client.who.client == self._slow.get("authority_client") and client.holds_key(now_s)
+            key_held |= held
+            if everyone:
+                client.overdue(now_s)
+            if everyone or held:
+                client.show()
+        left_s = max(0.0, self._all_due_s - now_s)
+        return min(left_s, limits.KEY_FRAME_S) if key_held else left_s
 
     @property
     def fresh(self) -> bool:
@@ -251,20 +301,20 @@ class Hub:
         return self._age_ms <= limits.STALE_S * 1e3
 
     def status(self, *, whole: bool = True) -> dict[str, Any]:
-        """A `status` message."""
+        """A `status` message without the mark of a connection."""
         return {
             "type": "status",
-            "frame": self._fast.get("frame") or 0,
             "fresh": self.fresh,
             "age_ms": round(self._age_ms, 1) if math.isfinite(self._age_ms) else None,
             "tags": {**self._fast, **self._slow} if whole else self._fast,
         }
 
-    def status_text(self, *, whole: bool) -> str:
-        """The `status` message as text, made once for all connections."""
+    def status_text(self, client: str, *, whole: bool) -> str:
+        """The `status` message to one connection as text; all but its mark is made once for all of them."""
         if whole not in self._texts:
-            self._texts[whole] = compact(self.status(whole=whole))
-        return self._texts[whole]
+            self._texts[whole] = compact(self.status(whole=whole)).removeprefix('{"type":"status",')
+        mark = mark_of(self._fast.get("issued_ms") or 0, self._snapshot.key, client)
+        return f'{{"type":"status","frame":"{mark}",{self._texts[whole]}'
 
     # --- tasks ------------------------------------------------------------------------------------
 
@@ -273,31 +323,34 @@ class Hub:
         await asyncio.gather(self._look_on(), self._answer_on())
 
     async def _look_on(self) -> None:
-        loop = asyncio.get_running_loop()
-        due_s = loop.time()
         while True:
-            self.look()
+            left_s = self.look()
             self.refusals.look()
-            due_s = max(due_s + limits.FRAME_S, loop.time())
-            await asyncio.sleep(due_s - loop.time())
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._hurried.wait(), left_s)
+            self._hurried.clear()
 
     async def _answer_on(self) -> None:
         while True:
-            while (record := self._replies.take()) is not None:
-                with contextlib.suppress(ValueError):
-                    name, reply = json.loads(record)
-                    client = self._clients.get(name)
-                    if client is not None and client.waits_for_disk(reply):
-                        self._commits.add(name, reply)
-                    elif client is not None:
-                        client.answer(reply)
-            for name, reply in self._commits.take():
-                client = self._clients.get(name)
-                if client is not None:
-                    client.answer(reply)
+            self.pass_replies()
             if len(self._commits) or any(client.waiting for client in self._clients.values()):
                 await asyncio.sleep(_QUICK_S)
                 continue
             self._expected.clear()
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._expected.wait(), limits.FRAME_S)
+
+    def pass_replies(self) -> None:
+        """Pass on the replies of the controller, those of what lasts when their event is on the disk."""
+        while (record := self._replies.take()) is not None:
+            with contextlib.suppress(ValueError):
+                name, reply = json.loads(record)
+                client = self._clients.get(name)
+                if client is not None and client.waits_for_disk(reply):
+                    self._commits.add(name, reply)
+                elif client is not None:
+                    client.answer(reply)
+        for name, reply in self._commits.take():
+            client = self._clients.get(name)
+            if client is not None:
+                client.answer(reply)

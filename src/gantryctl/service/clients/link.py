@@ -28,6 +28,7 @@ class ServiceLink:
 
     Attributes:
         tags: the newest values of all tags.
+        frame: mark of the newest status frame.
         client: id of this connection.
 
     Raises:
@@ -42,6 +43,7 @@ class ServiceLink:
         self._seq = 0
         self._replies: dict[int, dict[str, Any]] = {}
         self.tags: dict[str, Any] = {}
+        self.frame = ""
         self.fresh = False
         try:
             with PeerName(directory) as address:
@@ -65,9 +67,9 @@ class ServiceLink:
 
     def look(self) -> dict[str, Any]:
         """Wait for a status frame that is newer than all so far; the tags."""
-        frame = self.tags.get("frame", -1)
+        frame = self.frame
         until_s = time.monotonic() + _TIMEOUT_S
-        while self.tags.get("frame", -1) == frame or not self.fresh:
+        while self.frame == frame or not self.fresh:
             if time.monotonic() > until_s:
                 raise DeviceError("the service runs, but its controller is silent")
             self._take(self._next())
@@ -98,8 +100,8 @@ class ServiceLink:
         """Send a command without waiting; its number."""
         self._seq += 1
         # Stops are judged first and never refused, whatever has happened since (decision 0011): no epoch.
-        seen = ("frame",) if kind in WITHOUT_EPOCH else ("frame", "epoch")
-        message = {"type": kind, "seq": self._seq, **{tag: self.tags[tag] for tag in seen}, **values}
+        epoch = {} if kind in WITHOUT_EPOCH else {"epoch": self.tags["epoch"]}
+        message = {"type": kind, "seq": self._seq, "frame": self.frame, **epoch, **values}
         try:
             self._socket.sendall(json.dumps(message).encode() + b"\n")
         except OSError as fault:
@@ -125,9 +127,9 @@ class ServiceLink:
         self.say("alive")
 
     def _drain(self) -> None:
-        """Take what comes within one renewal."""
-        until_s = time.monotonic() + RENEW_S
-        while (left_s := until_s - time.monotonic()) > 0.0:
+        """Take what comes until the next renewal: until a new status frame, or for its period."""
+        until_s, frame = time.monotonic() + RENEW_S, self.frame
+        while self.frame == frame and (left_s := until_s - time.monotonic()) > 0.0:
             self._socket.settimeout(left_s)
             try:
                 self._take(self._next())
@@ -136,7 +138,7 @@ class ServiceLink:
 
     def _take(self, message: dict[str, Any]) -> None:
         if message["type"] == "status":
-            self.fresh = message["fresh"]
+            self.frame, self.fresh = message["frame"], message["fresh"]
             self.tags.update(message["tags"])
         elif message["type"] == "reply":
             self._replies[message["seq"]] = message

@@ -5,6 +5,7 @@ from __future__ import annotations
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.command.round_trip import RoundTrip
 from gantryctl.service.protocol.limits import SILENCE_S
 from gantryctl.service.protocol.messages import Identity
 
@@ -15,11 +16,13 @@ class Authority:
     Attributes:
         holder: who has control, or None.
         epoch: number of the present epoch; every command names it.
+        round_trip: of the holder's connection.
     """
 
     def __init__(self, epoch: int) -> None:
         self.holder: Identity | None = None
         self.epoch = epoch
+        self.round_trip = RoundTrip()
         self._alive_s = 0.0
 
     def holds(self, who: Identity) -> bool:
@@ -45,6 +48,7 @@ class Authority:
                 return refusal(Code.SEC_08, reason=Words.HAS_CONTROL_MOVING(user=held.user))
         if held is None or held.client != who.client:
             self.new_epoch()
+            self.round_trip = RoundTrip()
         self.holder, self._alive_s = who, now_s
         return None
 
@@ -52,7 +56,7 @@ class Authority:
         """Free the control of a client; False if it had none."""
         if self.holder is None or self.holder.client != client:
             return False
-        self.holder = None
+        self.holder, self.round_trip = None, RoundTrip()
         self.new_epoch()
         return True
 

@@ -15,26 +15,30 @@ _REMEMBERED: Final = 10_000
 class HoldToRun:
     """The lease of the held key, and the leases that have ended.
 
+    Args:
+        lease_s: from the issue of the status frame that the person saw until the axis begins to stop.
+        scan_s: period of the scan.
+
     Attributes:
         forward, reverse: the key levels for the program.
-        count: rises with every renewal: the lease that the program itself watches, in scans.
+        count: rises with every renewal by a newer frame: the lease that the program itself watches, in scans.
+        issued_s: when the newest frame was issued that the key's press or renewals named: the lease counts from there.
         client: the connection that holds the key, or "".
         ended: why the last lease has ended, in words.
         too_long: the last lease has ended because the key was held for too long.
     """
 
-    # The lease is checked twice: here on CLOCK_MONOTONIC, and in scans by the program (decision 0011). Networks frozen
-    # for up to 200 ms stopped none of 30 jogs (docs/evidence/page_freezes.json); the default lease is 250 ms.
+    # The lease is checked twice: here on CLOCK_MONOTONIC, and in scans by the program (decision 0011).
 
-    def __init__(self, lease_s: float) -> None:
-        self.lease_s = lease_s
+    def __init__(self, lease_s: float, scan_s: float) -> None:
+        self.lease_s, self._scan_s = lease_s, scan_s
         self.forward = self.reverse = False
         self.count = 0
         self.client = ""
         self._lease = ""
         self.ended: Words | Said | None = None
         self.too_long = False
-        self._renewed_s = self._began_s = 0.0
+        self.issued_s = self._began_s = 0.0
         self._used: OrderedDict[str, None] = OrderedDict()
 
     @property
@@ -44,10 +48,14 @@ class HoldToRun:
 
     def left_s(self, now_s: float) -> float:
         """Time left of the lease, s; 0 without one."""
-        return max(0.0, self._renewed_s + self.lease_s - now_s) if self._lease else 0.0
+        return max(0.0, self.issued_s + self.lease_s - now_s) if self._lease else 0.0
 
-    def begin(self, lease: str, client: str, forward: bool, now_s: float) -> Words | None:
-        """Press a key; return why that is refused."""
+    def begin(self, lease: str, client: str, forward: bool, issued_s: float, now_s: float) -> Words | None:
+        """Press a key; return why that is refused.
+
+        Args:
+            issued_s: when the status frame was issued that the person saw.
+        """
         if lease in self._used:
             return Words.LEASE_USED
         self._remember(lease)
@@ -55,19 +63,21 @@ class HoldToRun:
         if self._lease:
             self.end()
             return Words.OTHER_KEY
-        self._lease, self.client, self._renewed_s = lease, client, now_s
+        self._lease, self.client, self.issued_s = lease, client, issued_s
         self._began_s, self.ended, self.too_long = now_s, None, False
         self.forward, self.reverse = forward, not forward
         self.count += 1
         return None
 
-    def renew(self, lease: str, client: str, now_s: float) -> Said | None:
-        """Renew the lease of the held key; return why that is refused."""
+    def renew(self, lease: str, client: str, issued_s: float, now_s: float) -> Said | None:
+        """Renew the lease of the held key by a status frame; return why that is refused."""
         self.check(now_s)
         if not self._lease or lease != self._lease or client != self.client:
             return Words.LEASE_DEAD(why=self.ended or Words.LEASE_ENDED)
-        self._renewed_s = now_s
-        self.count += 1
+        # The same frame again, or one that was overtaken, is no news of the person.
+        if issued_s > self.issued_s:
+            self.issued_s = issued_s
+            self.count += 1
         return None
 
     def release(self, lease: str, client: str) -> bool:
@@ -83,7 +93,8 @@ class HoldToRun:
         """End a lease that has just run out; True if it did. Called in every scan."""
         if not self._lease:
             return False
-        if not now_s - self._renewed_s < self.lease_s:
+        # In the last scan before its end, so that the ramp has begun when it ends.
+        if not now_s + self._scan_s - self.issued_s < self.lease_s:
             self.ended = Words.LEASE_RAN_OUT
         elif not now_s - self._began_s < HELD_S:
             self.ended, self.too_long = Words.KEY_TOO_LONG(limit=HELD_S), True

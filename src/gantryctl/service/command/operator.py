@@ -18,12 +18,13 @@ from gantryctl.program.power.phases import RISING
 from gantryctl.service.command import rules
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
+from gantryctl.service.command.frame_clock import FrameClock
 from gantryctl.service.command.inbox import Gone, Inbox, PendingCommand
 from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import Situation
 from gantryctl.service.memory.memory import Source
-from gantryctl.service.protocol.limits import FRAME_S, HELD_S, SILENCE_S
+from gantryctl.service.protocol.limits import HELD_S, SILENCE_S, key_limits
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
 from gantryctl.units import deg, rad
 
@@ -46,7 +47,7 @@ class ServiceOperator:
     Attributes:
         levels: what the program sees.
         ranges: lowest and highest value of every tag that can be set.
-        start_s: monotonic time of status frame 0.
+        frames: times of issue of the status frames.
         shutdown: raised to bring the axis to rest and switch off.
     """
 
@@ -69,9 +70,11 @@ class ServiceOperator:
         in_force = round(deg(program.axis.settings.speed.setting_max_rad_s), 9)
         self.ranges = rules.setting_ranges(machine, min(machine.speed.setting_max_deg_s, in_force))
         self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
-        self.hold = HoldToRun(machine.monitors.lease_ms * 1e-3)
+        lease_s = machine.monitors.lease_ms * 1e-3
+        self.hold, self._keys = HoldToRun(lease_s, machine.control.scan_period_ms * 1e-3), key_limits(lease_s)
+        self.frames = FrameClock(now())
         self.levels, self.shutdown = levels, False
-        self.now, self.start_s = now, now()
+        self.now = now
         self._acting: PendingCommand | None = None
         self._refusals = 0
         self._gap = False
@@ -79,17 +82,13 @@ class ServiceOperator:
         self._test_epoch = 0
         self._test_ended = True
 
-    @property
-    def frame(self) -> int:
-        """Number of the present status frame; the first is 1."""
-        return int((self.now() - self.start_s) / FRAME_S) + 1
-
     # --- one scan ---------------------------------------------------------------------------------
 
     def poll(self, time_s: float) -> OperatorCommand:
         """Take commands, then return the levels of this scan."""
         now_s, inbox = self.now(), self._inbox
         inbox.time_s = time_s
+        self.frames.tick(now_s)
         holder = self.authority.holder
         inbox.receive(self.authority.epoch, "" if holder is None else holder.client)
         # Ended connections and stops come before commands: none of them may wait behind a queue.
@@ -107,7 +106,7 @@ class ServiceOperator:
                 if inbox.others and self._acting is None:
                     self._carry_out(inbox.others.take(), now_s)
         if self._acting is None or self._acting.message.kind != "increment":
-            self._follow_keys()
+            self._follow_keys(now_s)
         self._refusals = self.program.axis.refusal_count
         return self.levels
 
@@ -162,19 +161,23 @@ class ServiceOperator:
         elif first_out and self.levels.power:
             self._set(power=False)
 
-    def _follow_keys(self) -> None:
+    def _follow_keys(self, now_s: float) -> None:
         levels, hold = self.levels, self.hold
-        if (levels.forward, levels.reverse, levels.lease) != (hold.forward, hold.reverse, hold.count):
-            self._set(forward=hold.forward, reverse=hold.reverse, lease=hold.count)
+        if levels.lease != hold.count:
+            self._set(lease=hold.count, lease_age_s=now_s - hold.issued_s)
+        if (levels.forward, levels.reverse) != (hold.forward, hold.reverse):
+            self._set(forward=hold.forward, reverse=hold.reverse)
 
     # --- one command ------------------------------------------------------------------------------
 
     def _carry_out(self, pending: PendingCommand, now_s: float) -> None:
         """Judge one command, then do it at once or put it on the levels of this scan."""
         _, who, message = pending
-        now = self.situation(now_s)
+        now = self.situation(now_s, who, self.frames.issued_s(message.frame, who.client))
         try:
             self._inbox.check_sequence(pending)
+            if not rules.counts(message, now):
+                return
             rules.check_fresh(message, now)
             # A stale command is no sign of life: after a freeze of the network they arrive in a burst.
             self.authority.alive(who, now_s)
@@ -188,12 +191,24 @@ class ServiceOperator:
         else:
             self._acting = pending
 
-    def situation(self, now_s: float) -> Situation:
-        """Describe this moment to the rules."""
+    def situation(self, now_s: float, who: Identity, issued_s: float) -> Situation:
+        """Describe the moment of a command to the rules.
+
+        Args:
+            who: sends it.
+            issued_s: when the status frame was issued that it names; nan for an unknown one.
+        """
         axis, authority, permit = self.program.axis, self.authority, self.permit
+        round_trip_s = now_s - issued_s
+        if authority.holds(who):
+            authority.round_trip.take(round_trip_s, now_s)
+            round_trip_s = authority.round_trip.shortest_s(now_s)
         return Situation(
-            frame=self.frame,
             epoch=authority.epoch,
+            time_s=now_s,
+            issued_s=issued_s,
+            round_trip_s=round_trip_s,
+            keys=self._keys,
             holder=authority.holder,
             mode=self.program.mode,
             paused=axis.paused,
@@ -218,10 +233,11 @@ class ServiceOperator:
             case "give":
                 self._give(who.client)
             case "renew":
-                _check_lease(self.hold.renew(values["lease"], who.client, now_s))
+                _check_lease(self.hold.renew(values["lease"], who.client, now.issued_s, now_s))
             case "jog":
                 forward = values["direction"] == "forward"
-                _check_lease(self.hold.begin(values["lease"], who.client, forward, now_s))
+                begun = self.hold.begin(values["lease"], who.client, forward, now.issued_s, now_s)
+                _check_lease(begun)
                 return False
             case "set":
                 self._change(values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 from gantryctl.image import Mode, OperatorCommand
@@ -10,8 +11,8 @@ from gantryctl.program import Code
 from gantryctl.program.alarms.reason import Reasons
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.command.arming import Armed, check_armed
-from gantryctl.service.protocol.limits import FRAMES_MAX, FRAMES_MAX_JOG
-from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, action_of
+from gantryctl.service.protocol.limits import VIEW_MAX_S, KeyLimits
+from gantryctl.service.protocol.messages import SILENT, Identity, Message, MessageRefused, action_of
 from gantryctl.service.protocol.roles import RIGHTS, Action, may
 from gantryctl.units import deg, rad
 
@@ -25,7 +26,11 @@ class Situation(NamedTuple):
     """The moment in which a command is judged; the operator fills it once per command.
 
     Attributes:
-        frame, epoch: the present ones.
+        epoch: the present one.
+        time_s: the present monotonic time.
+        issued_s: when the status frame was issued that the command names; nan for one that its connection never had.
+        round_trip_s: of its connection.
+        keys: limits of a held key.
         holder: who has control.
         paused: a motion stands still at override 0.
         armed: the armed action. second_person: another person must execute it.
@@ -35,8 +40,11 @@ class Situation(NamedTuple):
         reset_locked: a reset meets something that only the service role may reset.
     """
 
-    frame: int
     epoch: int
+    time_s: float
+    issued_s: float
+    round_trip_s: float
+    keys: KeyLimits
     holder: Identity | None
     mode: Mode
     paused: bool
@@ -47,6 +55,11 @@ class Situation(NamedTuple):
     blocked_by: Reasons
     untestable: Words | Said | None
     reset_locked: bool
+
+    @property
+    def frame_age_s(self) -> float:
+        """Age of the status frame that the command names; nan for an unknown one."""
+        return self.time_s - self.issued_s
 
 
 class SettingRange(NamedTuple):
@@ -99,14 +112,29 @@ def first_levels(
     return OperatorCommand(speed_rad_s=rad(speed_deg_s), increment_rad=rad(step_deg), override=1.0)
 
 
+def counts(message: Message, now: Situation) -> bool:
+    """Whether a sign of life counts: with an old status frame it is as good as not sent."""
+    # No refusal either: after a freeze of the network they come in a burst, and a newer one comes with it.
+    return message.kind not in SILENT or not now.frame_age_s > _view_max_s(message, now)
+
+
 def check_fresh(message: Message, now: Situation) -> None:
-    """Refuse a command whose sender saw an old status frame, or an earlier epoch."""
-    most = FRAMES_MAX_JOG if message.kind in ("jog", "renew") else FRAMES_MAX
-    behind = now.frame - message.frame
-    if not 0 <= behind <= most:
-        raise MessageRefused(Code.SEC_02, frame=message.frame, behind=behind, limit=most)
+    """Refuse a command whose sender saw an old status frame, another one than its own, or an earlier epoch."""
+    if math.isnan(now.frame_age_s):
+        raise MessageRefused(Code.SEC_02, reason=Words.FRAME_UNKNOWN)
+    if message.kind == "jog" and not now.round_trip_s <= now.keys.round_trip_max_s:
+        measured, limit = now.round_trip_s * 1e3, now.keys.round_trip_max_s * 1e3
+        raise MessageRefused(Code.SEC_13, measured=measured, limit=limit)
+    most_s = _view_max_s(message, now)
+    if not now.frame_age_s <= most_s:
+        words = Words.FRAME_OLD(measured=now.frame_age_s * 1e3, limit=most_s * 1e3)
+        raise MessageRefused(Code.SEC_02, reason=words)
     if message.epoch is not None and message.epoch != now.epoch:
         raise MessageRefused(Code.SEC_03)
+
+
+def _view_max_s(message: Message, now: Situation) -> float:
+    return now.keys.view_max_s if message.kind in ("jog", "renew") else VIEW_MAX_S
 
 
 def check_allowed(message: Message, who: Identity, now: Situation) -> None:

@@ -81,7 +81,7 @@ class Publisher:
         self._alarms.scan()
         if self._due(self._fast_scans):
             tags = self.fast()
-            publish_fast(self._memory.fast, tags)
+            publish_fast(self._memory.fast, tags, self._operator.frames.key)
             self._note_changes(tags)
         if self._due(self._frame_scans):
             self._publish_slow(self._due(self._slow_scans))
@@ -161,6 +161,7 @@ class Publisher:
             if virtual.following
             else 0.0,
             "stopping_angle_deg": deg(axis.stopping_angle_rad()),
+            "key_lost_angle_deg": deg(self._program.key_lost_angle_rad()),
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
             "travel_left_minus_deg": math.nan if travel.endless else pos - low,
             "travel_left_plus_deg": math.nan if travel.endless else high - pos,
@@ -203,11 +204,12 @@ class Publisher:
         events = memory.events[Source.CONTROLLER]
         now_s = operator.now()
         return {
-            "frame": operator.frame,
+            "issued_ms": operator.frames.issued_ms,
             "epoch": operator.authority.epoch,
             "scan": engine.scan,
             "time_s": engine.time_s,
             "lease_left_ms": operator.hold.left_s(now_s) * 1e3,
+            "round_trip_ms": operator.authority.round_trip.shortest_s(now_s) * 1e3,
             "armed_left_s": operator.arming.left_s(operator.authority.epoch, now_s),
             "alarm_count": len(axis.alarms.active),
             "refusal_count": axis.refusal_count,

@@ -15,15 +15,15 @@ from gantryctl.service.protocol.tags import BY_NAME, TAGS
 
 # Tags of the packed record, in this order.
 FAST: Final = tuple(tag.name for tag in TAGS if tag.rate == "20 Hz")
-_PACKED: Final = struct.Struct(f"<Q{len(FAST)}d")
+_PACKED: Final = struct.Struct(f"<QQ{len(FAST)}d")
 # Six decimals of a degree are 17 nrad; more would carry the binary tail of every float over the wire.
 _DIGITS: Final = 6
 
 
 # Packed numbers instead of JSON: this record is written a hundred times a second inside the scan's process.
-def publish_fast(lock: SequenceLock, values: Mapping[str, float]) -> None:
-    """Pack the 20 Hz tags with the time on CLOCK_MONOTONIC."""
-    lock.publish(_PACKED.pack(time.monotonic_ns(), *[values[name] for name in FAST]))
+def publish_fast(lock: SequenceLock, values: Mapping[str, float], key: int) -> None:
+    """Pack the 20 Hz tags with the time on CLOCK_MONOTONIC and the key of this status frame."""
+    lock.publish(_PACKED.pack(time.monotonic_ns(), key, *[values[name] for name in FAST]))
 
 
 def publish_json(lock: SequenceLock, values: object) -> None:
@@ -35,6 +35,7 @@ class Snapshot:
     """A reader of the status snapshot: the tags as plain JSON values.
 
     Attributes:
+        key: of the newest status frame, see `frames.mark_of`.
         version: rises when a tag that is sent on change has changed.
     """
 
@@ -43,14 +44,14 @@ class Snapshot:
         self._slow: dict[str, Any] = {}
         self._alarms: dict[str, Any] = {"alarms": [], "alarm_history": []}
         self._seen = (0, 0)
-        self.version = 0
+        self.key = self.version = 0
 
     def fast(self) -> tuple[dict[str, Any], float]:
         """Read the 20 Hz tags and their age in ms; empty and inf before the controller has published any."""
         found = self._memory.fast.read()
         if found is None or len(found) != _PACKED.size:
             return {}, math.inf
-        stamp, *numbers = _PACKED.unpack(found)
+        stamp, self.key, *numbers = _PACKED.unpack(found)
         age_ms = (time.monotonic_ns() - stamp) * 1e-6
         return {name: decode(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
 

@@ -8,22 +8,28 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 # Longest message, bytes.
 MESSAGE_MAX: Final = 16 * 1024
 
-# Period of the status frames. Age is counted in frames: no clock of a browser is trusted, and what waited in a frozen
-# network is old by itself (decision 0011).
+# Period of the status frames, and of those to the connection that holds a key.
 FRAME_S: Final = 0.050
-# Oldest status frame that a command may name, in frames behind; a held key needs a fresher view.
-FRAMES_MAX: Final = 10
-FRAMES_MAX_JOG: Final = 6
+KEY_FRAME_S: Final = 0.020
+# Oldest status frame that a command may name, by the controller's clock: no clock of a browser is trusted, and what
+# waited in a frozen network is old by itself (decision 0011).
+VIEW_MAX_S: Final = 0.5
 # Older snapshots are stale: no client shows them as the present state.
 STALE_S: Final = 0.5
 
-# Period in which a client renews its lease.
+# Period in which a client renews its lease, beside once for each status frame.
 RENEW_S: Final = 0.030
+# A held key needs a fresher view: oldest frame of a press or renewal, and longest round trip for a press. Both end
+# before the lease: 250 ms leave one frame of 50 ms for the next renewal.
+_KEY_VIEW_MAX_S: Final = 0.200
+_ROUND_TRIP_MAX_S: Final = 0.150
+_VIEW_PART: Final = 0.8
+_ROUND_TRIP_PART: Final = 0.6
 # Longest time that a key may be held (CTL-21): a page that hangs may go on renewing.
 HELD_S: Final = 30.0
 # A holder of control that is silent for longer loses it.
@@ -38,11 +44,30 @@ KEEP_S: Final = 1.0
 
 # Of one connection; stop, quick stop and release each have as many of their own.
 COMMANDS_PER_S: Final = 20.0
-# Signs of life of each kind; surplus ones are dropped. A held key renews 33 times a second.
-SIGNS_PER_S: Final = 50.0
+# Signs of life of each kind; surplus ones are dropped. A held key renews 50 + 33 times a second.
+SIGNS_PER_S: Final = 100.0
 # Messages of any kind; a connection that sends more is closed.
 FLOOD_PER_S: Final = 200.0
 _SENDERS: Final = 10_000
+
+
+class KeyLimits(NamedTuple):
+    """Limits of a held key, s.
+
+    Attributes:
+        view_max_s: a press or renewal that names an older status frame is void.
+        round_trip_max_s: a press over a slower connection is refused.
+    """
+
+    view_max_s: float
+    round_trip_max_s: float
+
+
+def key_limits(lease_s: float) -> KeyLimits:
+    """The limits with a lease of that length: 200 and 150 ms from 250 ms up."""
+    return KeyLimits(
+        min(_KEY_VIEW_MAX_S, _VIEW_PART * lease_s), min(_ROUND_TRIP_MAX_S, _ROUND_TRIP_PART * lease_s)
+    )
 
 
 class RateLimiter:

@@ -12,6 +12,7 @@ from gantryctl.errors import GantryctlError
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, to_wire
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.service.protocol.frames import MARK_PATTERN
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Action, Role
 
@@ -53,11 +54,15 @@ class Identity(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A well-formed message."""
+    """A well-formed message.
+
+    Attributes:
+        frame: mark of the newest status frame that its sender has; empty for a stop or release, where it is not read.
+    """
 
     kind: str
     seq: int
-    frame: int
+    frame: str
     epoch: int | None
     values: dict[str, Any]
 
@@ -77,6 +82,9 @@ ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_
 Whole: TypeAlias = Annotated[int, Field(ge=0, le=2**53)]
 # Wider than any machine: what is beyond its travel is refused with its travel.
 Number: TypeAlias = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
+Mark: TypeAlias = Annotated[
+    str, Field(pattern=MARK_PATTERN, description="`frame` of the newest `status`, as it came")
+]
 Lease: TypeAlias = Annotated[
     str, Field(pattern="^[0-9a-f]{16}$", description="16 hex digits, random, new at every press")
 ]
@@ -84,23 +92,31 @@ Direction: TypeAlias = Literal["forward", "reverse"]
 
 
 class Untimed(BaseModel):
-    """Keys of every message. Stopping and letting go are never too late: an epoch is not read."""
+    """Keys of every message. Stopping and letting go are never too late: frame and epoch are not read."""
 
     # Strict: a string is no number and True is no 1, whatever a language of clients makes of it (SEC-05).
     model_config = ConfigDict(strict=True, extra="forbid")
     seq: Whole
-    frame: Whole
+    frame: Any = None
     epoch: Any = None
 
 
-class Timed(Untimed):
+class Framed(Untimed):
+    """Keys of a message that counts by the age of the status frame that it names."""
+
+    frame: Mark
+
+
+class Timed(Framed):
     """Keys of a message that is refused in another epoch than its own."""
 
     epoch: Whole
 
 
-class Alive(Untimed):
-    """Sign of life of the holder of control, at least twice a second: a silent holder loses control. No reply."""
+class Alive(Framed):
+    """Sign of life of the holder of control, at least twice a second, best at once when a status frame came: its round
+    trip is measured by them. A silent holder loses control. No reply; with an old frame it counts as not sent.
+    """
 
     type: Literal["alive"]
 
@@ -143,7 +159,9 @@ class Jog(Timed):
 
 
 class Renew(Timed):
-    """Renew the lease while the key is held. No reply but a refusal: then the lease is dead."""
+    """Renew the lease while the key is held: it ends `lease_ms` after the issue of the frame named. No reply but a
+    refusal: then the lease is dead. With an old frame it counts as not sent.
+    """
 
     type: Literal["renew"]
     lease: Lease
@@ -254,6 +272,7 @@ FIELDS: Final = {
     kind: tuple(name for name in model.model_fields if name not in COMMON) for kind, model in _MODELS.items()
 }
 WITHOUT_EPOCH: Final = frozenset(kind for kind, model in _MODELS.items() if not issubclass(model, Timed))
+WITHOUT_FRAME: Final = frozenset(kind for kind, model in _MODELS.items() if not issubclass(model, Framed))
 # Not counted with the commands by the rate limit: each has a limit of its own.
 FREE: Final = frozenset({"alive", "renew", "release", "stop", "quick_stop"})
 # No reply when all is well, and no event in the journal.
@@ -327,7 +346,11 @@ def checked(found: object) -> Message:
     # The values as they came: 40 stays a whole number in the journal, where a float would read 40.0.
     values = {name: found[name] for name in FIELDS[kind] if name in found}
     return Message(
-        kind, found["seq"], found["frame"], None if kind in WITHOUT_EPOCH else found["epoch"], values
+        kind,
+        found["seq"],
+        "" if kind in WITHOUT_FRAME else found["frame"],
+        None if kind in WITHOUT_EPOCH else found["epoch"],
+        values,
     )
 
 
@@ -338,7 +361,6 @@ _CAUSES: Final = {
     "finite_number": Words.KEY_NO_NUMBER,
     "int_type": Words.KEY_NO_WHOLE_NUMBER,
     "bool_type": Words.KEY_NO_BOOLEAN,
-    "string_pattern_mismatch": Words.KEY_NO_LEASE,
 }
 
 
@@ -351,6 +373,8 @@ def _cause(kind: str, fault: ValidationError) -> Said:
         if bound in context:
             value = ascii(error["input"])[:40]
             return Words.KEY_BEYOND(kind=kind, key=key, value=value, limit=context[bound])
+    if error["type"] == "string_pattern_mismatch":
+        return Words.KEY_PATTERN(kind=kind, key=key, pattern=context["pattern"])
     if error["type"] == "literal_error":
         choices = context["expected"].replace(" or ", ", ")
         return Words.KEY_NO_CHOICE(kind=kind, key=key, choices=choices)

@@ -11,6 +11,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
+from gantryctl.machine import default_machine
 from gantryctl.program.alarms.service import SERVICE
 from gantryctl.service.protocol import limits
 from gantryctl.service.protocol.messages import COMMON, KEPT_FIRST, MESSAGES, SILENT
@@ -18,13 +19,18 @@ from gantryctl.service.protocol.roles import RIGHTS, Role
 from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
 _YES: Final = {True: "yes", False: "-"}
+# As shipped: `[monitors] lease_ms`.
+_LEASE_S: Final = default_machine().monitors.lease_ms * 1e-3
 _NUMBERS: Final = {
     "message_kib": limits.MESSAGE_MAX // 1024,
     "frame_ms": round(limits.FRAME_S * 1e3),
     "renew_ms": round(limits.RENEW_S * 1e3),
     "stale_ms": round(limits.STALE_S * 1e3),
-    "frames_max": limits.FRAMES_MAX,
-    "frames_max_jog": limits.FRAMES_MAX_JOG,
+    "key_frame_ms": round(limits.KEY_FRAME_S * 1e3),
+    "view_max_ms": round(limits.VIEW_MAX_S * 1e3),
+    "lease_ms": round(_LEASE_S * 1e3),
+    "key_view_max_ms": round(limits.key_limits(_LEASE_S).view_max_s * 1e3),
+    "round_trip_max_ms": round(limits.key_limits(_LEASE_S).round_trip_max_s * 1e3),
     "commands_per_s": round(limits.COMMANDS_PER_S),
     "silence_s": round(limits.SILENCE_S),
     "held_s": round(limits.HELD_S),

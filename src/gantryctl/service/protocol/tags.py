@@ -10,7 +10,6 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from gantryctl.image import DriveState, Mode
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
-from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.messages import ARMABLE
 
 Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows", "messages"]
@@ -51,8 +50,7 @@ def _set(name: str, unit: str, kind: Kind, role: str, meaning: str, labels: tupl
 
 
 _FRAME: Final = (
-    _out("frame", "", "int", "20 Hz",
-         f"Status frame number of the controller, one every {FRAME_S * 1e3:.0f} ms. Commands echo it."),
+    _out("issued_ms", "ms", "int", "20 Hz", "When the controller issued these values, by its own clock since its start."),
     _out("epoch", "", "int", "20 Hz", "Command epoch. Commands of another epoch are refused."),
     _out("scan", "", "int", "20 Hz", "Scans since the controller started."),
     _out("time_s", "s", "float", "20 Hz", "Nominal time of the scan since the controller started."),
@@ -73,6 +71,9 @@ _MOTION: Final = (
     _out("target_deg", "deg", "float", "20 Hz", "End of the present set-point plan; null for one without end."),
     _out("time_left_s", "s", "float", "20 Hz", "Time until the plan ends; 0 at rest, null for one without end."),
     _out("stopping_angle_deg", "deg", "float", "20 Hz", "Way to rest if the key were released or Stop pressed now."),
+    _out("key_lost_angle_deg", "deg", "float", "20 Hz",
+         "Longest way to rest from these values if the page were gone while a key is held: speed setting x lease, then "
+         "the jog-release ramp."),
     _out("quick_stop_angle_deg", "deg", "float", "20 Hz", "Way to rest with a quick stop now: rigid, no reaction."),
     _out("travel_left_minus_deg", "deg", "float", "20 Hz", "Cable left in the minus direction."),
     _out("travel_left_plus_deg", "deg", "float", "20 Hz", "Cable left in the plus direction."),
@@ -100,6 +101,9 @@ _STATE: Final = (
     _out("motion_permit", "", "bool", "20 Hz", "The room permits motion; null where it is not fitted."),
     _out("estop_ok_2", "", "bool", "20 Hz", "Second channel of the emergency-stop chain closed; null without one."),
     _out("lease_left_ms", "ms", "float", "20 Hz", "Time left of the hold-to-run lease; 0 without one."),
+    _out("round_trip_ms", "ms", "float", "20 Hz",
+         "From the controller to the screen that has control and back, shortest of the last 2 s; null without one. A key "
+         "is not pressed above 150 ms."),
     _out("alarm_count", "", "int", "20 Hz", "Active alarms."),
     _out("refusal_count", "", "int", "20 Hz", "Commands refused by the program since the start."),
 )  # fmt: skip
