@@ -46,9 +46,7 @@ class Leases(RuleBasedStateMachine):
         self.hold.check(self.now)
         self._expire()
 
-    @rule(
-        lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS), forward=st.booleans(), age=AGES
-    )
+    @rule(lease=st.sampled_from(LEASES), client=st.sampled_from(CLIENTS), forward=st.booleans(), age=AGES)
     def press(self, lease: str, client: str, forward: bool, age: float) -> None:
         refused = self.hold.begin(lease, client, forward, self.now - age, self.now)
         fresh = lease not in self.dead

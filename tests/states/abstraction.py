@@ -167,7 +167,9 @@ def _levels(name: str) -> Special:
         levels: OperatorCommand = getattr(holder, name)
         renewed = levels.lease == roots.operator.levels.lease
         # A target counts at the edge of `move` only.
-        return levels._replace(lease=0, lease_age_s=0.0, target_rad=levels.target_rad if levels.move else 0.0), renewed
+        return levels._replace(
+            lease=0, lease_age_s=0.0, target_rad=levels.target_rad if levels.move else 0.0
+        ), renewed
 
     return rule
 

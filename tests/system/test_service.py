@@ -349,7 +349,9 @@ def test_connections_that_never_read_are_ended_and_others_see_everything(service
         issued_ms = [lively.look()["issued_ms"]]
         lively.until(lambda tags: issued_ms.append(tags["issued_ms"]) or ended(service, after) == len(stuck))
         frames = (issued_ms[-1] - issued_ms[0]) / lively.welcome["frame_ms"]
-        assert frames - len(issued_ms) < 0.2 * frames  # of a busy machine, not of a connection that waits for others
+        assert (
+            frames - len(issued_ms) < 0.2 * frames
+        )  # of a busy machine, not of a connection that waits for others
         for page in stuck:
             page.socket.socket.close()
 

@@ -141,7 +141,7 @@ class GantryProgram(AxisProgram):
             self._keep_the_cap()
 
     def key_lost_angle_rad(self) -> float:
-        """Longest way to rest if a key that is held were not renewed any more: the lease at the speed set, then the ramp."""
+        """Longest way to rest if a held key were not renewed any more: the lease at the speed set, then the ramp."""
         settings, virtual = self.axis.settings, self.axis.virtual
         speed = max(self._speed * virtual.override, abs(virtual.vel_ref_rad_s))
         # On its way up to the speed the axis goes beyond it by what the jerk of the ramp takes from its acceleration.

@@ -54,7 +54,10 @@ class MonitorsTable(Table):
     # From the issue of the status frame that the renewal acknowledges, not from its arrival: a delayed renewal renews
     # less.
     lease_ms: float = number(
-        250.0, 20.0, 1000.0, "Hold-to-run ends so long after the issue of the newest status frame that a renewal has named."
+        250.0,
+        20.0,
+        1000.0,
+        "Hold-to-run ends so long after the issue of the newest status frame that a renewal has named.",
     )
     # Harder than the stop on a ramp: the drive ramps, then brake and torque off.
     door_reaction: Literal["stop", "quick_stop"] = choice(

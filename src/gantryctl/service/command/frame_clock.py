@@ -20,8 +20,8 @@ class FrameClock:
         issued_ms: time of the present scan since the start; a status frame that is published after it carries it.
     """
 
-    # The time alone could be counted up by a client that receives nothing. The key of a frame leaves the controller with
-    # that frame, so nobody, not even a gateway that hangs, can name one that has not arrived (decision 0011).
+    # The time alone could be counted up by a client that receives nothing. The key of a frame leaves the controller
+    # with that frame, so nobody, not even a gateway that hangs, can name one that has not arrived (decision 0011).
     def __init__(self, start_s: float) -> None:
         self.start_s, self.issued_ms = start_s, 0
         self._secret = secrets.token_bytes(16)

@@ -50,7 +50,7 @@ def _set(name: str, unit: str, kind: Kind, role: str, meaning: str, labels: tupl
 
 
 _FRAME: Final = (
-    _out("issued_ms", "ms", "int", "20 Hz", "When the controller issued these values, by its own clock since its start."),
+    _out("issued_ms", "ms", "int", "20 Hz", "Time since the start at which the controller issued these values."),
     _out("epoch", "", "int", "20 Hz", "Command epoch. Commands of another epoch are refused."),
     _out("scan", "", "int", "20 Hz", "Scans since the controller started."),
     _out("time_s", "s", "float", "20 Hz", "Nominal time of the scan since the controller started."),
@@ -102,8 +102,8 @@ _STATE: Final = (
     _out("estop_ok_2", "", "bool", "20 Hz", "Second channel of the emergency-stop chain closed; null without one."),
     _out("lease_left_ms", "ms", "float", "20 Hz", "Time left of the hold-to-run lease; 0 without one."),
     _out("round_trip_ms", "ms", "float", "20 Hz",
-         "From the controller to the screen that has control and back, shortest of the last 2 s; null without one. A key "
-         "is not pressed above 150 ms."),
+         "From the controller to the screen that has control and back, shortest of the last 2 s; null without one. Above "
+         "150 ms no key is pressed."),
     _out("alarm_count", "", "int", "20 Hz", "Active alarms."),
     _out("refusal_count", "", "int", "20 Hz", "Commands refused by the program since the start."),
 )  # fmt: skip
