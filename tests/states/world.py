@@ -15,13 +15,13 @@ from gantryctl.program.settings import AxisSettings
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.permit import Permit
-from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import Identity, to_record
 from states.abstraction import Roots, kept
 from states.brief_settings import PERIOD_S
 from states.people import NOTHING, PANEL, Event, Journal, Now, Panel, Wire
 from states.snapshot import Keeper
 from states.stub_drive import StubDrive
+from support.marks import newest_mark
 
 # Longer than the holder of control may be silent, and than anything stays armed.
 _SILENCE_S: Final = 11.0
@@ -106,7 +106,7 @@ class World:
         raw: dict[str, Any] = {
             "type": event.kind,
             "seq": self._seq,
-            "frame": mark_of(operator.frames.issued_ms, operator.frames.key, who.client),
+            "frame": newest_mark(operator, who.client),
             **dict(event.values),
         }
         if event.kind not in ("alive", "stop", "quick_stop", "release"):

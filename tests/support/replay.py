@@ -19,10 +19,10 @@ from gantryctl.operation.store import StateStore
 from gantryctl.runtime import VirtualClock
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
-from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import Entry
+from support.marks import newest_mark
 
 ALIVE_S = 0.5
 """A holder of control gives a sign of life so often; signs of life are not journaled."""
@@ -86,15 +86,11 @@ class Replay:
 
     def _send(self, who: Identity, kind: str, values: dict[str, Any]) -> None:
         self._seq += 1
-        message = {"type": kind, "seq": self._seq, "frame": self._mark(who), **values}
+        message = {"type": kind, "seq": self._seq, "frame": newest_mark(self._operator, who.client), **values}
         if kind not in WITHOUT_EPOCH:
             message["epoch"] = self._operator.authority.epoch
         ring = self._memory.commands[Source.LOCAL if who.place == "local" else Source.WEB]
         assert ring.put(to_record(who, message))
-
-    def _mark(self, who: Identity) -> str:
-        frames = self._operator.frames
-        return mark_of(frames.issued_ms, frames.key, who.client)
 
     def _take_rows(self) -> None:
         while (record := self._memory.rows.take()) is not None:

@@ -15,13 +15,13 @@ from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import first_levels
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.memory.events import EventLog
-from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Word
+from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.ring import Ring
-from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.wiring.engine import build_engine, build_program
 from gantryctl.wiring.simulator import sim_drive
+from support.marks import newest_mark
 
 MACHINE = default_machine()
 EPOCH = 1000
@@ -58,6 +58,7 @@ class Bench:
         self.event_ring = ring(4096)
         if memory is not None:
             self.commands, self.replies = memory.commands, memory.replies
+            self.event_ring = memory.events[Source.CONTROLLER]
         self.events = EventLog(self.event_ring)
         drive = sim_drive(machine)
         program = build_program(machine, drive)
@@ -94,8 +95,7 @@ class Bench:
 
     def frame(self, who: Identity) -> str:
         """Mark of the status frame that a connection would get now."""
-        frames = self.operator.frames
-        return mark_of(frames.issued_ms, frames.key, who.client)
+        return newest_mark(self.operator, who.client)
 
     def who(self, role: Role = Role.OPERATOR, client: str = "", place: str = "loopback") -> Identity:
         return Identity(client or f"{role}-{place}", str(role), role, place)

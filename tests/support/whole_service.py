@@ -21,8 +21,8 @@ from gantryctl.service.clients.hub import Hub
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
-from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.roles import Role
+from support.marks import newest_mark
 
 ORIGIN = "http://127.0.0.1:1"
 SLICE_S = 0.02
@@ -86,8 +86,7 @@ class PageInProcess:
         self._seq += 1
         operator = self.controller.operator
         # The newest frame, whatever the hub has sent: axis time runs faster than the clock of the hub.
-        frames = operator.frames
-        mark = mark_of(frames.issued_ms, frames.key, self._client)
+        mark = newest_mark(operator, self._client)
         raw = {"type": kind, "seq": self._seq, "frame": mark, **values}
         if kind != "alive":
             raw["epoch"] = operator.authority.epoch

@@ -30,6 +30,7 @@ from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.users import Users
 from gantryctl.service.supervisor.users_kept import not_kept, running
+from support.marks import UNKNOWN
 from support.service_process import PASSWORD, Page, Service
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
@@ -66,7 +67,7 @@ def missing_at_reply(directory: Path, recorder: list[str], commands: int) -> int
         client = hub.connect("anna", Role.OPERATOR, "loopback")
         serving = asyncio.create_task(hub.run())
         for seq in range(1, commands + 1):
-            client.take(json.dumps({"type": "reset", "seq": seq, "frame": 0, "epoch": 1}))
+            client.take(json.dumps({"type": "reset", "seq": seq, "frame": UNKNOWN, "epoch": 1}))
             reply = reply_to(seq, journal=log.put("command", "reset: done"))
             memory.replies[Source.WEB].put(compact([client.who.client, reply]).encode())
             while not any('"reply"' in text for text in client.outgoing()):

@@ -50,7 +50,7 @@ export interface AlarmRow {
 }
 
 export interface Tags {
-  /** When the controller issued these values, by its own clock since its start. [ms] */
+  /** Time since the start at which the controller issued these values. [ms] */
   issued_ms: number | null;
   /** Command epoch. Commands of another epoch are refused. */
   epoch: number | null;
@@ -134,7 +134,7 @@ export interface Tags {
   estop_ok_2: boolean | null;
   /** Time left of the hold-to-run lease; 0 without one. [ms] */
   lease_left_ms: number | null;
-  /** From the controller to the screen that has control and back, shortest of the last 2 s; null without one. A key is not pressed above 150 ms. [ms] */
+  /** From the controller to the screen that has control and back, shortest of the last 2 s; null without one. No key is pressed above 150 ms. [ms] */
   round_trip_ms: number | null;
   /** Active alarms. */
   alarm_count: number | null;

@@ -17,6 +17,7 @@ from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.limits import ANSWER_S, KEEP_S
 from gantryctl.service.protocol.messages import FIELDS, KEPT_FIRST, SILENT, MessageRefused, compact, reply_to
 from gantryctl.service.protocol.roles import Role
+from support.marks import UNKNOWN
 
 LEASE = "00000000000000aa"
 VALUES: dict[str, dict[str, Any]] = {
@@ -59,7 +60,7 @@ def after_a_command(
         client = hub.connect("anna", Role.SERVICE, "loopback")
         serving = asyncio.create_task(hub.run())
         epoch = {} if kind in ("stop", "quick_stop", "release") else {"epoch": 1}
-        client.take(json.dumps({"type": kind, "seq": 7, "frame": 0, **epoch, **values}))
+        client.take(json.dumps({"type": kind, "seq": 7, "frame": UNKNOWN, **epoch, **values}))
         number = EventLog(memory.events[Source.CONTROLLER]).put("command", f"{kind}: done")
         memory.replies[Source.WEB].put(compact([client.who.client, reply_to(7, journal=number)]).encode())
         then()
@@ -103,7 +104,7 @@ def test_a_refusal_waits_for_nothing(memory: SharedMemory) -> None:
         hub = Hub(memory, Source.WEB)
         client = hub.connect("anna", Role.SERVICE, "loopback")
         serving = asyncio.create_task(hub.run())
-        client.take('{"type":"reset","seq":7,"frame":0,"epoch":1}')
+        client.take('{"type":"reset","seq":7,"frame":"0-0000000000000000","epoch":1}')
         reply = reply_to(7, MessageRefused(Code.SEC_03), journal=1)
         memory.replies[Source.WEB].put(compact([client.who.client, reply]).encode())
         await asyncio.sleep(0.05)
@@ -147,7 +148,7 @@ def test_an_event_that_found_no_place_is_not_waited_for(memory: SharedMemory) ->
 def test_a_reply_that_waits_for_the_disk_does_not_count_as_a_silent_controller(memory: SharedMemory) -> None:
     hub = Hub(memory, Source.WEB)
     client = hub.connect("anna", Role.SERVICE, "loopback")
-    client.take('{"type":"reset","seq":7,"frame":0,"epoch":1}')
+    client.take('{"type":"reset","seq":7,"frame":"0-0000000000000000","epoch":1}')
     assert client.waits_for_disk(reply_to(7, journal=1))
     client.overdue(client.used_s + ANSWER_S + 1.0)
     assert texts(client) == []

@@ -35,10 +35,10 @@ from gantryctl.service.controller.process import Controller
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_fast
-from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.units import deg
+from support.marks import newest_mark
 
 MACHINE = default_machine()
 TURN_COUNTS = 2048 * MACHINE.encoder.counts_per_turn  # fine counts of a motor turn
@@ -74,14 +74,10 @@ class Desk:
 
     def send(self, kind: str, who: Identity = ALICE, **values: object) -> None:
         self.seq += 1
-        raw = {"type": kind, "seq": self.seq, "frame": self.frame(who), **values}
+        raw = {"type": kind, "seq": self.seq, "frame": newest_mark(self.operator, who.client), **values}
         if kind != "alive":
             raw["epoch"] = self.operator.authority.epoch
         assert self.memory.commands[Source.WEB].put(to_record(who, raw))
-
-    def frame(self, who: Identity) -> str:
-        frames = self.operator.frames
-        return mark_of(frames.issued_ms, frames.key, who.client)
 
     def ask(self, kind: str, who: Identity = ALICE, **values: object) -> str:
         """The code of the reply, empty when it was done."""

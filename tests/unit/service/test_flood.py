@@ -15,10 +15,10 @@ from gantryctl.service.command.inbox import OF_CLIENT, OF_SOURCE
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.roles import Role
+from support.marks import UNKNOWN
 from support.service_bench import Bench
 
 LEASE = "00000000000000aa"
-MARK = "1-0000000000000000"
 
 
 @pytest.mark.parametrize("kind", ["alive", "renew"])
@@ -120,14 +120,14 @@ def hub() -> Iterator[Hub]:
 
 def flood(client: Client) -> None:
     for n in range(100_000):
-        client.take(f'{{"type":"alive","seq":{n},"frame":"{MARK}"}}')
+        client.take(f'{{"type":"alive","seq":{n},"frame":"{UNKNOWN}"}}')
 
 
 def test_a_connection_sends_so_many_of_each_kind_and_what_is_more_does_not_reach_the_scan(hub: Hub) -> None:
     client = hub.connect("eve", Role.VIEWER, "loopback")
     before = hub._commands.written
     for n in range(140):
-        client.take(f'{{"type":"alive","seq":{n},"frame":"{MARK}"}}')
+        client.take(f'{{"type":"alive","seq":{n},"frame":"{UNKNOWN}"}}')
     alive = hub._commands.written - before
     assert 100 <= alive < 140  # a few come back while the loop runs
     for n in range(40):

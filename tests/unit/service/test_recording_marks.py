@@ -16,6 +16,7 @@ from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
+from support.marks import newest_mark
 
 MACHINE = default_machine()
 ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
@@ -30,7 +31,7 @@ class Desk:
         self.made = made = Controller(MACHINE, store, self.memory)
         self.axis, self.engine = made.axis, made.engine
         made.engine.clock = VirtualClock()
-        made.operator.now, made.operator.start_s = lambda: made.engine.time_s, 0.0
+        made.operator.now, made.operator.frames.start_s = lambda: made.engine.time_s, 0.0
         self.publisher = Publisher(
             made.machine, made.engine, made.operator, made.alarms, made.brake, made._recorder, self.memory,
             real_time=False, version="test",
@@ -42,7 +43,12 @@ class Desk:
 
     def send(self, kind: str, **values: object) -> None:
         self.seq += 1
-        raw = {"type": kind, "seq": self.seq, "frame": self.made.operator.frame, **values}
+        raw = {
+            "type": kind,
+            "seq": self.seq,
+            "frame": newest_mark(self.made.operator, ALICE.client),
+            **values,
+        }
         raw["epoch"] = self.made.operator.authority.epoch
         assert self.memory.commands[Source.WEB].put(to_record(ALICE, raw))
         self.scans(20)

@@ -30,6 +30,7 @@ from gantryctl.service.protocol.messages import (
     action_of,
 )
 from gantryctl.service.protocol.roles import Role, may
+from support.marks import UNKNOWN
 from support.service_bench import Bench, ring
 
 LEASE = "00000000000000aa"
@@ -75,7 +76,7 @@ def memory() -> Iterator[SharedMemory]:
 
 def sent(client: Client, seq: int, values: dict[str, Any]) -> Message:
     client._commands._buckets.clear()  # the rate is another refusal
-    client.take(json.dumps({"seq": seq, "frame": 0, "epoch": 1, **values}))
+    client.take(json.dumps({"seq": seq, "frame": UNKNOWN, "epoch": 1, **values}))
     rest = {name: value for name, value in values.items() if name != "type"}
     return Message(values["type"], seq, 0, 1, rest)
 
@@ -102,9 +103,9 @@ def test_messages_that_are_not_understood_and_too_many_are_journaled(memory: Sha
     hub = Hub(memory, Source.WEB)
     client = hub.connect("anna", Role.OPERATOR, "loopback")
     client.take("[]")
-    client.take('{"type":"move","seq":1,"frame":0,"epoch":1,"target_deg":"a"}')
+    client.take('{"type":"move","seq":1,"frame":"0-0000000000000000","epoch":1,"target_deg":"a"}')
     for seq in range(2, 30):
-        client.take(f'{{"type":"reset","seq":{seq},"frame":0,"epoch":1}}')
+        client.take(f'{{"type":"reset","seq":{seq},"frame":"{UNKNOWN}","epoch":1}}')
     hub.refusals.close()
     rows = taken(memory.events[Source.WEB])
     assert {row["values"]["code"] for row in rows} == {"SEC-05", "SEC-06"}

@@ -164,16 +164,17 @@ SERVICE: Final = (
         Text("Not found", "not found", "No such address or recording.", "Check the address."),
         Text("未找到", "未找到", "没有该地址或记录。", "检查地址。"),
     ),
-    # Issue 14: from the angle that a person sees to the end of the lease are 250 ms, whatever the network does.
+    # Decision 0011: the lease counts from the frame that the person sees; what a network takes is gone from it.
     Definition(
         Code.SEC_13, _REFUSED, _REF,
         Text("Connection too slow for a held key",
-             "from the controller to this screen and back takes {measured:.0f} ms, limit {limit:.0f} ms for a held key: "
-             "use a nearer screen or a wired network",
+             "from the controller to this screen and back takes {measured:.0f} ms, limit {limit:.0f} ms for a held "
+             "key: use a nearer screen or a wired network",
              "Over a slow network a person sees the axis too late to let the key go in time.",
-             "Use a screen nearer to the machine, a wired network, or the local console; increments and moves to an "
-             "angle need no held key."),
-        Text("连接过慢，不能按住运行", "从控制器到此屏幕往返需 {measured} ms，按住运行的限值为 {limit} ms：请使用更近的屏幕或有线网络",
+             "Use a screen nearer to the machine, a wired network, or the local console. Increments and moves need no "
+             "held key."),
+        Text("连接过慢，不能按住运行",
+             "从控制器到此屏幕往返需 {measured} ms，按住运行的限值为 {limit} ms：请使用更近的屏幕或有线网络",
              "网络过慢时，人看到轴的位置太晚，来不及松开按键。",
              "使用离机器更近的屏幕、有线网络或本地控制台；增量和移动到角度不需要按住按键。"),
     ),

@@ -178,9 +178,9 @@ class Hub:
         self._memory, self._source = memory, source
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
-        self.refusals = RefusalLog(self.events)
+        self.refusals = RefusalLog(self.events, now)
         self._snapshot = Snapshot(memory)
-        self._commits = CommitWait(memory.events[Source.CONTROLLER])
+        self._commits = CommitWait(memory.events[Source.CONTROLLER], now)
         self._clients: dict[str, Client] = {}
         self.slow_version = 0
         self._all_due_s = now()

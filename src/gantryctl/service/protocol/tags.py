@@ -102,8 +102,8 @@ _STATE: Final = (
     _out("estop_ok_2", "", "bool", "20 Hz", "Second channel of the emergency-stop chain closed; null without one."),
     _out("lease_left_ms", "ms", "float", "20 Hz", "Time left of the hold-to-run lease; 0 without one."),
     _out("round_trip_ms", "ms", "float", "20 Hz",
-         "From the controller to the screen that has control and back, shortest of the last 2 s; null without one. Above "
-         "150 ms no key is pressed."),
+         "From the controller to the screen that has control and back, shortest of the last 2 s; null without one. No "
+         "key is pressed above 150 ms."),
     _out("alarm_count", "", "int", "20 Hz", "Active alarms."),
     _out("refusal_count", "", "int", "20 Hz", "Commands refused by the program since the start."),
 )  # fmt: skip

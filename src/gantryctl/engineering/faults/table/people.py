@@ -10,6 +10,7 @@ from gantryctl.program.alarms.codes import Code
 _SERVICE: Final = "system/test_service.py"
 _OPERATOR: Final = "unit/service/test_operator.py"
 _KEYS: Final = "system/page/test_hold_to_run.py"
+_NETWORK: Final = "unit/service/test_slow_network.py"
 _FILES: Final = "unit/machine/test_files.py"
 
 PEOPLE: Final = (
@@ -23,6 +24,7 @@ PEOPLE: Final = (
             *at(_KEYS, "test_it_stops_when_the_page_is_left", "test_it_stops_when_the_browser_is_killed"),
             *at(_SERVICE, "test_a_browser_that_is_gone_stops_its_jog_and_frees_control"),
             *at(_OPERATOR, "test_a_key_held_moves_and_a_lost_holder_stops_within_lease_and_ramp"),
+            *at(_NETWORK, "test_gestures_over_networks_of_every_kind"),
         ),
     ),
     Row(
@@ -54,8 +56,14 @@ PEOPLE: Final = (
         "Renewals come late or all at once",
         "age of the status frame that each acknowledges, 200 ms",
         "nothing starts again after a stop",
-        (Code.CTL_15, Code.SEC_09),
+        (Code.CTL_15, Code.SEC_09, Code.SEC_13),
         (
+            *at(
+                _NETWORK,
+                "test_a_freeze_stops_once_or_not_at_all",
+                "test_a_liar_moves_nothing_longer_and_one_that_is_believed_is_seen",
+                "test_above_150_ms_there_and_back_a_press_is_refused_in_words",
+            ),
             *at(
                 _OPERATOR,
                 "test_a_frozen_network_stops_once_or_not_at_all_and_never_starts_again",
@@ -99,6 +107,7 @@ PEOPLE: Final = (
         (
             *at(_SERVICE, "test_what_is_of_the_past_is_refused"),
             *at(_OPERATOR, "test_stop_is_for_everyone_and_kills_what_was_sent_before"),
+            *at(_NETWORK, "test_a_press_that_is_sent_again_starts_nothing"),
         ),
     ),
     Row(
