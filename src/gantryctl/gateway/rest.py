@@ -17,7 +17,7 @@ from starlette.routing import Route
 from gantryctl.errors import DeviceError
 from gantryctl.gateway.access import Access, person
 from gantryctl.gateway.guard import error
-from gantryctl.gateway.routes import API, ROUTES, openapi
+from gantryctl.gateway.routes import API, NUMBER_MAX, ROUTES, openapi
 from gantryctl.gateway.settings import BODY_MAX
 from gantryctl.gateway.traces import Traces
 from gantryctl.program.alarms.codes import Code
@@ -107,7 +107,7 @@ class Rest:
     async def _journal(self, request: Request) -> Response:
         asked = {name: request.query_params.get(name, default) for name, default in _JOURNAL_QUERY}
         for name, text in asked.items():
-            if not (text.isascii() and text.isdigit() and len(text) <= 12):
+            if not (text.isascii() and text.isdigit() and len(text) <= len(str(NUMBER_MAX))):
                 return error(400, refusal(Code.SEC_05, reason=Words.WHOLE_NUMBER(name=name)))
         after, limit = map(int, asked.values())
         try:

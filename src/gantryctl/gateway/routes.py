@@ -15,6 +15,7 @@ class RouteEntry(NamedTuple):
         action: what the role must allow; None for all.
         answers: status and meaning.
         query: names of whole-number parameters.
+        media, kind: content type of the answer, and which JSON type it is; empty for none.
     """
 
     method: str
@@ -24,9 +25,13 @@ class RouteEntry(NamedTuple):
     summary: str
     answers: dict[int, str]
     query: tuple[str, ...] = ()
+    media: str = "application/json"
+    kind: str = "object"
 
 
 API: Final = "/api/v1"
+# Highest number in a query; of more than twelve digits nothing is read.
+NUMBER_MAX: Final = 10**12 - 1
 # One table: the routes of the application and their OpenAPI description are both made of it.
 _LOG_IN: Final = {401: "not logged in", 403: "the role may not do it", 429: "too many requests"}
 ROUTES: Final = (
@@ -35,19 +40,25 @@ ROUTES: Final = (
         {200: "logged in", 400: "not understood", 401: "wrong name or password", 403: "foreign page", 429: "locked",
          503: "users.json is damaged"},
     ),
-    RouteEntry("POST", "/logout", "logout", Action.VIEW, "End the session.", {204: "done", 401: "not logged in"}),
+    RouteEntry(
+        "POST", "/logout", "logout", Action.VIEW, "End the session.",
+        {204: "done", 400: "not understood", 401: "not logged in"}, media="", kind="",
+    ),
     RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "no login"}),
-    RouteEntry("GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN}),
+    RouteEntry("GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN}, kind="array"),
     RouteEntry("GET", "/status", "status", Action.VIEW, "All tags as they are now.", {200: "status", **_LOG_IN}),
     RouteEntry("GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN}),
-    RouteEntry("GET", "/traces", "traces", Action.TRACES, "Recordings, newest first.", {200: "list", **_LOG_IN}),
+    RouteEntry(
+        "GET", "/traces", "traces", Action.TRACES, "Recordings, newest first.", {200: "list", **_LOG_IN}, kind="array"
+    ),
     RouteEntry(
         "GET", "/traces/{id}", "trace", Action.TRACES, "One recording as Parquet.",
-        {200: "the file", 404: "no such recording", **_LOG_IN},
+        {200: "the file", 404: "no such recording", **_LOG_IN}, media="application/vnd.apache.parquet", kind="",
     ),
     RouteEntry(
         "GET", "/journal", "journal", Action.JOURNAL, "Events after number `from` as JSON lines.",
-        {200: "events", 400: "not understood", **_LOG_IN}, ("from", "limit"),
+        {200: "events", 400: "not understood", 503: "the journal cannot be read", **_LOG_IN}, ("from", "limit"),
+        media="application/jsonl", kind="",
     ),
     RouteEntry("GET", "/health", "health", None, "Whether the controller is alive.", {200: "ok or silent"}),
     RouteEntry("GET", "/openapi.json", "openapi", None, "This description.", {200: "OpenAPI 3.1"}),
@@ -90,25 +101,34 @@ _ERROR: Final = {
 
 
 def _operation(route: RouteEntry) -> dict[str, Any]:
-    failing = {"application/json": {"schema": {"$ref": "#/components/schemas/Error"}}}
+    failing = {"content": {"application/json": {"schema": {"$ref": "#/components/schemas/Error"}}}}
+    schema = {"schema": {"type": route.kind}} if route.kind else {}
+    given = {"content": {route.media: schema}} if route.media else {}
     found: dict[str, Any] = {
         "operationId": route.name,
         "summary": route.summary,
         "responses": {
-            str(status): {"description": words, **({"content": failing} if status >= 400 else {})}
+            str(status): {"description": words, **(failing if status >= 400 else given)}
             for status, words in sorted({**_ALWAYS, **route.answers}.items())
         },
         "security": [] if route.action is None else [{"session": []}],
     }
     parameters: list[dict[str, Any]] = [
-        {"name": name, "in": "query", "schema": {"type": "integer", "minimum": 0}} for name in route.query
+        {"name": name, "in": "query", "schema": {"type": "integer", "minimum": 0, "maximum": NUMBER_MAX}}
+        for name in route.query
     ]
     if "{id}" in route.path:
         parameters.append({"name": "id", "in": "path", "required": True, "schema": {"type": "string"}})
     if parameters:
         found["parameters"] = parameters
-    if route.name == "login":
-        words = {name: {"type": "string"} for name in ("user", "password")}
-        schema = {"type": "object", "required": ["user", "password"], "properties": words}
-        found["requestBody"] = {"required": True, "content": {"application/json": {"schema": schema}}}
+    if route.method == "POST":
+        names = ("user", "password") if route.name == "login" else ()
+        body = {
+            "type": "object",
+            "required": list(names),
+            "properties": {name: {"type": "string"} for name in names},
+            "additionalProperties": False,
+        }
+        # Also where nothing is in it: a form of another page cannot send JSON.
+        found["requestBody"] = {"required": True, "content": {"application/json": {"schema": body}}}
     return found

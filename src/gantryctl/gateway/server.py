@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import resource
 import socket
 from typing import Any, Final
@@ -19,6 +20,10 @@ from gantryctl.service.protocol.limits import MESSAGE_MAX
 
 HANDLES: Final = 4096
 """Open files: connections, WebSockets, recordings, and a reserve."""
+# What any client can cause, also without a login, must not fill a log line by line; errors of the program stay.
+_LOG: Final = logging.getLogger("uvicorn.error.clients")
+# A filter, because uvicorn resets the levels of loggers below its own.
+_LOG.addFilter(lambda said: said.levelno >= logging.ERROR and not str(said.msg).startswith("Invalid UTF-8"))
 
 
 class PatientProtocol(H11Protocol):
@@ -30,6 +35,7 @@ class PatientProtocol(H11Protocol):
 
     def __init__(self, *, place: Place, **uvicorns: Any) -> None:
         super().__init__(**uvicorns)
+        self.logger = _LOG
         self._place = place
         self._patience: asyncio.TimerHandle | None = None
         self._stuck: asyncio.TimerHandle | None = None
@@ -110,6 +116,10 @@ class PatientProtocol(H11Protocol):
 
 class QuietWebSocket(WebSocketsSansIOProtocol):
     """A WebSocket that is refused with an HTTP status, without a line in the log for each."""
+
+    def __init__(self, *arguments: Any, **uvicorns: Any) -> None:
+        super().__init__(*arguments, **uvicorns)
+        self.logger = _LOG
 
     async def send(self, message: Any) -> None:
         """Mark the handshake as complete after a refusal."""

@@ -19,8 +19,9 @@ from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosedError
 
 from gantryctl.gateway import door, server
 from gantryctl.gateway.guard import Guard, deny, error
@@ -57,7 +58,8 @@ async def big(request: Request) -> StreamingResponse:
 
 async def echo(web: WebSocket) -> None:
     await web.accept()
-    await web.send_text(await web.receive_text())
+    with suppress(WebSocketDisconnect):
+        await web.send_text(await web.receive_text())
 
 
 async def refuse(web: WebSocket) -> None:
@@ -195,6 +197,43 @@ def test_a_refused_websocket_leaves_nothing_in_the_log(capsys: pytest.CaptureFix
         assert b" 401 " in answer.splitlines()[0]
         assert b"log in first" in answer
         writer.close()
+
+    run(check)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"GET / HTTP/1.1\r\nHost: x\r\nX: \x00\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\r\n\r\n",
+        ASK.replace(b"\r\n\r\n", b"\r\nConnection: Upgrade\r\nUpgrade: h2c\r\n\r\n"),
+        ASK.replace(b"GET / ", b"GET /ws ").replace(
+            b"\r\n\r\n", b"\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 1\r\n\r\n"
+        ),
+    ],
+)
+def test_what_is_no_http_leaves_nothing_in_the_log(sent: bytes, capsys: pytest.CaptureFixture[str]) -> None:
+    async def check(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(sent)
+        assert (await reader.read()).startswith(b"HTTP/1.1 ")
+        writer.close()
+
+    run(check)
+    assert capsys.readouterr().err == ""
+
+
+def test_text_that_is_no_utf_8_ends_its_websocket_and_leaves_nothing_in_the_log(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    async def check(port: int) -> None:
+        async with connect(f"ws://127.0.0.1:{port}/echo") as web:
+            await web.send(b"\xff\xfe", text=True)
+            with pytest.raises(ConnectionClosedError) as closed:
+                await web.recv()
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 1007
 
     run(check)
     assert capsys.readouterr().err == ""
