@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from gantryctl.errors import DeviceError
+from gantryctl.trace.columns import SPACING_COLUMN
 from gantryctl.trace.files import METADATA_KEY, STREAM_END, Metadata
 from gantryctl.trace.table import Trace
 
@@ -25,7 +26,7 @@ def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
 
     Args:
         path: the file.
-        columns: only these, in this order; all of them when None.
+        columns: only these, in this order, and `spacing_s` of a recording that has it; all of them when None.
 
     Raises:
         DeviceError: no such file, or not a recording of this program.
@@ -50,6 +51,9 @@ def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
         raise DeviceError(f"{path}: damaged or cut off, nothing in it can be read: {fault}") from fault
     if columns is None:
         return trace
+    # Without it rows at rest would count like any other, and be taken for gaps.
+    if SPACING_COLUMN in trace and SPACING_COLUMN not in columns:
+        columns = (*columns, SPACING_COLUMN)
     return Trace({name: trace[name] for name in columns}, trace.metadata, complete=trace.complete)
 
 
@@ -58,7 +62,7 @@ def _read_parquet(path: Path, columns: Sequence[str] | None) -> Trace:
 
     with pq.ParquetFile(path) as file:
         metadata = check_schema(path, file.schema_arrow)
-        known = [name for name in columns or () if name in file.schema_arrow.names]
+        known = [name for name in (*(columns or ()), SPACING_COLUMN) if name in file.schema_arrow.names]
         table = file.read(columns=None if columns is None else known)
     return Trace(_columns_of(path, table), metadata)
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gantryctl.runtime.recorder import ArrowRecorder
 from gantryctl.service.memory.trace_ring import REST_S, rest_metadata
 from gantryctl.service.recorder.row_filter import AFTER_S, BEFORE_S, RowFilter
 from gantryctl.trace.columns import SPACING_COLUMN
+from gantryctl.trace.reader import read_trace
 from gantryctl.trace.table import Trace, summarize
 
 PERIOD_S = 0.01
@@ -139,3 +142,19 @@ def test_a_killed_recorder_goes_on_without_a_row_twice_or_a_gap_where_rows_were_
     trace = Trace.from_rows((*COLUMNS, SPACING_COLUMN), np.array(found), METADATA)
     assert trace.gaps() == []
     assert trace["spacing_s"].sum() == pytest.approx(3000 * PERIOD_S)
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".arrows"])
+def test_a_reader_of_some_columns_still_knows_how_long_a_row_stands(ending: str, tmp_path: Path) -> None:
+    trace = recorded({1500: EVENTS["a state"]})
+    if ending == ".parquet":
+        trace.to_parquet(tmp_path / "rest.parquet")
+    else:
+        live = ArrowRecorder(tmp_path / "rest", trace.columns, METADATA)
+        for row in trace.rows():
+            live.record(tuple(row))
+        live.leave()
+    found = read_trace(tmp_path / f"rest{ending}", ["time_s", "torque_act_nm"])
+    assert found.columns == ("time_s", "torque_act_nm", SPACING_COLUMN)
+    assert found.gaps() == []
+    assert len(found.every_scan()) == QUIET_ROWS
