@@ -19,7 +19,7 @@ SCAN_S = 0.001
 AGES = st.sampled_from([0.0, 0.02, 0.15, 0.2])
 LEASES = [f"{n:016x}" for n in range(6)]
 CLIENTS = ["a", "b"]
-PLACES = {"a": "loopback", "b": "loopback", "c": "local"}
+PLACES = {"a": "console", "b": "console", "c": "local"}
 
 
 class Leases(RuleBasedStateMachine):

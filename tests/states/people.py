@@ -14,7 +14,7 @@ from states.brief_settings import SPEED_RAD_S, WAY_RAD
 from states.stub_drive import Once, Standing
 
 
-def person(role: Role, place: str = "loopback") -> Identity:
+def person(role: Role, place: str = "console") -> Identity:
     return Identity(str(role), str(role), role, place)
 
 

@@ -97,7 +97,7 @@ class Bench:
         """Mark of the status frame that a connection would get now."""
         return newest_mark(self.operator, who.client)
 
-    def who(self, role: Role = Role.OPERATOR, client: str = "", place: str = "loopback") -> Identity:
+    def who(self, role: Role = Role.OPERATOR, client: str = "", place: str = "console") -> Identity:
         return Identity(client or f"{role}-{place}", str(role), role, place)
 
     def scans(self, count: int) -> None:

@@ -26,6 +26,15 @@ from gantryctl.service.supervisor.users import Users
 
 PASSWORD = "correct horse battery"
 PATIENCE_S = 30.0
+RELEASED = """
+from gantryctl.drives.simulated import SimDrive
+made = SimDrive.__init__
+def released(self, *args, **kwargs):
+    made(self, *args, **kwargs)
+    self.faults.enabling_switch = False
+SimDrive.__init__ = released
+"""
+"""As `sitecustomize.py` of every process of the service: nobody presses the enabling switch of the virtual gantry."""
 
 
 def add_users(root: Path) -> None:

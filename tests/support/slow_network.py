@@ -86,7 +86,7 @@ class Screen:
 
     def __init__(self, plant: Axis, network: Network) -> None:
         self._plant = plant
-        self.client: Client = plant.hub.connect("anna", Role.OPERATOR, "loopback")
+        self.client: Client = plant.hub.connect("anna", Role.OPERATOR, "console")
         self.to_screen = Way(network, plant.random)
         self.to_service = Way(network, plant.random)
         self.mark, self.epoch, self.lease = "", 0, ""

@@ -17,6 +17,7 @@ from gantryctl.gateway.settings import Settings
 from gantryctl.machine import Machine
 from gantryctl.operation.store import StateStore
 from gantryctl.runtime import VirtualClock
+from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.controller.publisher import Publisher
@@ -101,7 +102,9 @@ def with_page(machine: Machine, folder: Path, script: Callable[[PageInProcess], 
 
     async def whole() -> None:
         hub = Hub(memory, Source.WEB)
-        access = Access(Settings("127.0.0.1", 1, -1, None, None, (ORIGIN,), folder, folder), hub)
+        access = Access(
+            Settings("127.0.0.1", 1, -1, None, None, (ORIGIN,), folder, folder), hub, LinkTaker(memory.words)
+        )
         access.users.add("anna", Role.SERVICE, "correct horse battery")
         session = access.sessions.open(access.users.all()["anna"], "here")
         page = PageInProcess(Controller(machine, store, memory), memory)

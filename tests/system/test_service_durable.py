@@ -64,7 +64,7 @@ def missing_at_reply(directory: Path, recorder: list[str], commands: int) -> int
     async def whole() -> None:
         nonlocal missing
         hub = Hub(memory, Source.WEB)
-        client = hub.connect("anna", Role.OPERATOR, "loopback")
+        client = hub.connect("anna", Role.OPERATOR, "console")
         serving = asyncio.create_task(hub.run())
         for seq in range(1, commands + 1):
             client.take(json.dumps({"type": "reset", "seq": seq, "frame": UNKNOWN, "epoch": 1}))

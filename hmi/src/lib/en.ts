@@ -31,6 +31,7 @@ export const en = {
   link_stale: 'Connected, data stale',
   link_off: 'Not connected',
   remote: 'Remote screen: {cap} °/s without enabling switch',
+  remote_hint: 'Beside the machine, `gantryctl console` opens the page as its console.',
   failed: 'It did not work: {why}',
   stale: 'STALE DATA',
   stale_for: 'Last good {s} s ago.',
@@ -181,7 +182,8 @@ export const en = {
   set: 'Set',
   allowed: '{range} {unit}',
   who: '{who}',
-  cap_text: 'Keys and increments above {cap} °/s need the enabling switch.',
+  cap_text:
+    'Keys and increments above {cap} °/s need the enabling switch, and so do moves from a remote screen.',
   limits: 'Limits of the machine',
   limit_setpoint: 'Set-point',
   limit_over: 'Trip of the measured angle',

@@ -12,8 +12,8 @@ export interface Session {
 export interface Welcome extends Session {
   type: 'welcome';
   client: string;
-  /** Where this page is; a remote one is slow without the enabling switch. */
-  place: 'local' | 'loopback' | 'remote';
+  /** Where this page is; it is slow without the enabling switch unless it has proved to be on the machine. */
+  place: 'console' | 'remote';
   version: string;
   lease_ms: number;
   renew_ms: number;

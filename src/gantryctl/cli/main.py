@@ -66,6 +66,7 @@ COMMANDS: Final = {
         "engineering.faults", "faults", "Faults on a simulated axis: list, show, run with a picture."
     ),
     "serve": Entry("service.serve", "serve", "Run the controller with its operator page."),
+    "console": Entry("service.console", "console", "Open the page as the console of this machine."),
     "user": Entry("service.user", "user", "Users of the page: add, list, remove, passwd."),
     "backup": Entry(
         "service.backup", "backup", "Configuration, state and journal as one file: create, show, restore."

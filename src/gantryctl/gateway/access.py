@@ -8,16 +8,17 @@ from typing import Final
 
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from gantryctl.errors import StateError
 from gantryctl.gateway.guard import address_of, error
-from gantryctl.gateway.peers import peer_of
+from gantryctl.gateway.peers import Consoles, is_forwarded, local_user, peer_of
 from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions, worth_writing
-from gantryctl.gateway.settings import Settings, is_loopback
+from gantryctl.gateway.settings import Settings
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role, may, rights_of
@@ -26,15 +27,17 @@ from gantryctl.service.supervisor.users import PASSWORD_MAX, User, Users
 # With this prefix a browser takes it from this host only, and for all of it (RFC 6265bis, section 4.1.3.2). It must be
 # Secure then; Chromium 156, Firefox 153 and curl 7.88 take and send it over http on 127.0.0.1 and localhost, too.
 COOKIE: Final = "__Host-gantryctl_session"
+CONSOLE_COOKIE: Final = "__Host-gantryctl_console"
 
 
 class Access:
     """Sessions, passwords and the journal entries about them."""
 
-    def __init__(self, settings: Settings, hub: Hub) -> None:
-        self.settings, self.hub = settings, hub
+    def __init__(self, settings: Settings, hub: Hub, links: LinkTaker) -> None:
+        self.settings, self.hub, self.links = settings, hub, links
         self.users = Users(settings.root)
         self.sessions, self.locks = Sessions(self.users), LockOut()
+        self._consoles = Consoles()
         # scrypt with n = 2^15 takes 32 MB and 0.1 s of a processor: one check at a time (decision 0011).
         self._checking = asyncio.Semaphore(1)
 
@@ -74,8 +77,19 @@ class Access:
         return None
 
     def place(self, connection: HTTPConnection) -> str:
-        """`loopback` for a browser on this machine, else `remote`."""
-        return "loopback" if is_loopback(address_of(connection.scope)) else "remote"
+        """`console` for a browser that has proved to be on this machine, else `remote`."""
+        proved = self._consoles.proves(connection.scope, connection.cookies.get(CONSOLE_COOKIE))
+        return "console" if proved else "remote"
+
+    def open_console(self, request: Request, token: str) -> Response:
+        """The page as the console of this machine, for a browser that was given a link there; or why not."""
+        uid = None if is_forwarded(request.scope) else local_user(request.scope)
+        if uid is None or not self.links.take(token, uid):
+            return error(403, refusal(Code.SEC_01, reason=Words.LINK_DEAD))
+        self.hub.events.put("login", f"the page is open at the console, by user {uid} of the system")
+        answer = RedirectResponse("/", 303)
+        set_cookie(answer, CONSOLE_COOKIE, self._consoles.open(uid), None)
+        return answer
 
     async def log_in(self, request: Request, name: str, password: str) -> Response:
         """Check name and password; a cookie, or why not."""

@@ -26,6 +26,7 @@ from gantryctl.gateway.static import Page
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 
@@ -33,7 +34,7 @@ from gantryctl.service.memory.memory import SharedMemory, Source, Word
 def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None) -> ASGIApp:
     """The ASGI application; its hub runs for as long as the application does."""
     hub = Hub(memory, Source.WEB)
-    access = Access(settings, hub)
+    access = Access(settings, hub, LinkTaker(memory.words))
     live, rest, shown = Live(access, hub), Rest(access, hub), page or Page()
 
     @contextlib.asynccontextmanager

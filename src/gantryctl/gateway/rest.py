@@ -80,6 +80,9 @@ class Rest:
         assert session is not None
         return JSONResponse(person(session))
 
+    async def _console(self, request: Request) -> Response:
+        return self._access.open_console(request, request.path_params["token"])
+
     async def _tags(self, _: Request) -> Response:
         rows = [{**tag._asdict(), "type": tag.kind, "labels": list(tag.labels)} for tag in TAGS]
         return JSONResponse([{key: row[key] for key in row if key != "kind"} for row in rows])

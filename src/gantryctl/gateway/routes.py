@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
@@ -45,6 +46,11 @@ ROUTES: Final = (
         {204: "done", 400: "not understood", 401: "not logged in"}, media="", kind="",
     ),
     RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "no login"}),
+    RouteEntry(
+        "GET", "/console/{token}", "console", None, "Open the page as the console: `gantryctl console`.",
+        {303: "the page, with a cookie that proves it", 403: "used before, too old, or not from this machine"},
+        media="", kind="",
+    ),
     RouteEntry("GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN}, kind="array"),
     RouteEntry("GET", "/status", "status", Action.VIEW, "All tags as they are now.", {200: "status", **_LOG_IN}),
     RouteEntry("GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN}),
@@ -117,8 +123,10 @@ def _operation(route: RouteEntry) -> dict[str, Any]:
         {"name": name, "in": "query", "schema": {"type": "integer", "minimum": 0, "maximum": NUMBER_MAX}}
         for name in route.query
     ]
-    if "{id}" in route.path:
-        parameters.append({"name": "id", "in": "path", "required": True, "schema": {"type": "string"}})
+    parameters += [
+        {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
+        for name in re.findall(r"{(\w+)}", route.path)
+    ]
     if parameters:
         found["parameters"] = parameters
     if route.method == "POST":

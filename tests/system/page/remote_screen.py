@@ -17,20 +17,9 @@ from pathlib import Path
 from playwright.sync_api import BrowserContext, Error, Page, Playwright, expect, sync_playwright
 
 from support.browser import CHROMIUM, FLAGS, SIZE
-from support.service_process import PASSWORD, Service, add_users
+from support.service_process import PASSWORD, RELEASED, Service, add_users
 
 HOST, NAME = "198.51.100.7", "gantry.example"
-
-
-RELEASED = """
-from gantryctl.drives.simulated import SimDrive
-made = SimDrive.__init__
-def released(self, *args, **kwargs):
-    made(self, *args, **kwargs)
-    self.enabling_switch = False
-SimDrive.__init__ = released
-"""
-"""Every process of the service begins with it: nobody presses the enabling switch of the virtual gantry."""
 
 
 def certificate(folder: Path) -> tuple[Path, Path]:

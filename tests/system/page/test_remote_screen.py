@@ -21,7 +21,8 @@ def test_a_remote_screen_logs_in_over_tls_and_is_slow_without_the_enabling_switc
     if possible.returncode:
         pytest.skip(f"no network namespace: {possible.stderr.strip()}")
     command = [*PRIVATE, sys.executable, str(Path(__file__).with_name("remote_screen.py")), str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(TESTS)}
+    paths = [str(TESTS), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=110, env=environment)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

@@ -22,6 +22,7 @@ from gantryctl.gateway.app import build_app
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.sessions import FAILURES
 from gantryctl.gateway.settings import CONNECTIONS_OF_USER, UNUSED_S, Settings
+from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.roles import Role
@@ -32,7 +33,11 @@ PASSWORD = "correct horse battery"
 @pytest.fixture
 def access(tmp_path: Path) -> Iterator[Access]:
     memory = SharedMemory.create()
-    found = Access(Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path), Hub(memory, Source.WEB))
+    found = Access(
+        Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path),
+        Hub(memory, Source.WEB),
+        LinkTaker(memory.words),
+    )
     found.users.add("anna", Role.OPERATOR, PASSWORD)
     yield found
     memory.close()
@@ -102,9 +107,9 @@ def test_one_user_has_so_many_connections_and_others_have_theirs(access: Access)
         users = access.users.all()
         anna, eve = (access.sessions.open(users[name], "here").token for name in ("anna", "eve"))
         for _ in range(CONNECTIONS_OF_USER - 1):
-            access.hub.connect("eve", Role.VIEWER, "loopback")
+            access.hub.connect("eve", Role.VIEWER, "console")
         assert await opened(access, eve) == "websocket.accept"
-        access.hub.connect("eve", Role.VIEWER, "loopback")
+        access.hub.connect("eve", Role.VIEWER, "console")
         assert await opened(access, eve) == "websocket.close"
         assert await opened(access, anna) == "websocket.accept"
         # The one that was unused for longest makes room, after a minute; who has control never does.
@@ -151,6 +156,17 @@ def test_the_system_knows_the_user_of_a_local_connection() -> None:
             scope = {"client": made.getsockname()[:2], "server": (host, port)}
             assert peers.peer_of(scope) == f"uid {os.getuid()}"
             assert peers.user_of((host, 1), (host, port)) is None  # nobody is there
+    # A listener of IPv6 sees a client of IPv4 as a mapped address.
+    with socket.create_server(("", 0), family=socket.AF_INET6, dualstack_ipv6=True) as listener:
+        port = listener.getsockname()[1]
+        with socket.create_connection(("127.0.0.1", port)), listener.accept()[0] as taken:
+            ends = {"client": taken.getpeername()[:2], "server": taken.getsockname()[:2]}
+            assert ends["client"][0] == "::ffff:127.0.0.1"
+            assert peers.local_user(ends) == os.getuid()
+        # Another machine whose port is that of a listener here: the system finds the listener, and it is not the peer.
+        for far in ("192.0.2.7", "2001:db8::7"):
+            near = "192.0.2.1" if "." in far else "2001:db8::1"
+            assert peers.local_user({"client": (far, port), "server": (near, port)}) is None
     assert peers.peer_of({"client": ("192.0.2.7", 5), "server": ("192.0.2.1", 80)}) == "192.0.2.7"
     assert peers.peer_of({"client": None}) == ""
 

@@ -9,7 +9,7 @@ from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
 
-ANNA, BELA = (Identity(name, name, Role.SERVICE, "loopback", name) for name in ("anna", "bela"))
+ANNA, BELA = (Identity(name, name, Role.SERVICE, "console", name) for name in ("anna", "bela"))
 ANNA_ELSEWHERE = ANNA._replace(client="other")
 # Another account of Anna's, and one of the system that is nobody's in particular.
 ANNAS, NOBODYS = BELA._replace(person="anna"), BELA._replace(user="root", person="")

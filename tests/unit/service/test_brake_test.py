@@ -52,7 +52,7 @@ def outcome(bench: Bench) -> BrakeTestOutcome:
     return power.brake_test.last.outcome
 
 
-@pytest.mark.parametrize("place", ["loopback", "local"])
+@pytest.mark.parametrize("place", ["console", "local"])
 def test_armed_and_executed_by_the_same_person_it_runs_and_passes(place: str) -> None:
     bench = Bench()
     who = bench.who(Role.SERVICE, place=place)
@@ -80,7 +80,7 @@ def test_every_cell_of_arming(role: Role, action: Action, control: bool) -> None
 @pytest.mark.parametrize(
     "why", ["never", "other action", "late", "stop", "give", "reset", "other client", "used"]
 )
-@pytest.mark.parametrize("place", ["loopback", "local"])
+@pytest.mark.parametrize("place", ["console", "local"])
 def test_without_a_living_arming_it_is_refused(why: str, place: str) -> None:
     bench = Bench()
     who = bench.who(Role.SERVICE, place=place)
@@ -172,7 +172,7 @@ def test_it_ends_when_whoever_began_it_loses_control(phase: BrakeTestPhase, how:
     if how in ("gone", "gateway"):
         kind = "gone" if how == "gone" else "restart"
         client = who.client if how == "gone" else ""
-        bench.commands[0].put(f'["{client}","p","physicist","loopback","",{{"type":"{kind}"}}]'.encode())
+        bench.commands[0].put(f'["{client}","p","physicist","console","",{{"type":"{kind}"}}]'.encode())
     elif how == "silent":
         bench.lively = False
         bench.scans(2100)  # 2 s of silence end it, unless the test is over before

@@ -57,7 +57,7 @@ def after_a_command(
 
     async def whole() -> list[dict[str, Any]]:
         hub = Hub(memory, Source.WEB)
-        client = hub.connect("anna", Role.SERVICE, "loopback")
+        client = hub.connect("anna", Role.SERVICE, "console")
         serving = asyncio.create_task(hub.run())
         epoch = {} if kind in ("stop", "quick_stop", "release") else {"epoch": 1}
         client.take(json.dumps({"type": kind, "seq": 7, "frame": UNKNOWN, **epoch, **values}))
@@ -102,7 +102,7 @@ def test_every_command_is_answered_at_once_or_kept_first() -> None:
 def test_a_refusal_waits_for_nothing(memory: SharedMemory) -> None:
     async def whole() -> list[dict[str, Any]]:
         hub = Hub(memory, Source.WEB)
-        client = hub.connect("anna", Role.SERVICE, "loopback")
+        client = hub.connect("anna", Role.SERVICE, "console")
         serving = asyncio.create_task(hub.run())
         client.take('{"type":"reset","seq":7,"frame":"0-0000000000000000","epoch":1}')
         reply = reply_to(7, MessageRefused(Code.SEC_03), journal=1)
@@ -147,7 +147,7 @@ def test_an_event_that_found_no_place_is_not_waited_for(memory: SharedMemory) ->
 
 def test_a_reply_that_waits_for_the_disk_does_not_count_as_a_silent_controller(memory: SharedMemory) -> None:
     hub = Hub(memory, Source.WEB)
-    client = hub.connect("anna", Role.SERVICE, "loopback")
+    client = hub.connect("anna", Role.SERVICE, "console")
     client.take('{"type":"reset","seq":7,"frame":"0-0000000000000000","epoch":1}')
     assert client.waits_for_disk(reply_to(7, journal=1))
     client.overdue(client.used_s + ANSWER_S + 1.0)

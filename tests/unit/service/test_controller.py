@@ -43,8 +43,8 @@ from support.marks import newest_mark
 MACHINE = default_machine()
 TURN_COUNTS = 2048 * MACHINE.encoder.counts_per_turn  # fine counts of a motor turn
 LATE = SystemStop(StopCause.FROZEN, 2.01, 0.05, 0.0)
-ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
-SERVICE = Identity("c2", "serena", Role.SERVICE, "loopback")
+ALICE = Identity("c1", "alice", Role.OPERATOR, "console")
+SERVICE = Identity("c2", "serena", Role.SERVICE, "console")
 
 
 class Desk:

@@ -124,7 +124,7 @@ def flood(client: Client) -> None:
 
 
 def test_a_connection_sends_so_many_of_each_kind_and_what_is_more_does_not_reach_the_scan(hub: Hub) -> None:
-    client = hub.connect("eve", Role.VIEWER, "loopback")
+    client = hub.connect("eve", Role.VIEWER, "console")
     before = hub._commands.written
     for n in range(140):
         client.take(f'{{"type":"alive","seq":{n},"frame":"{UNKNOWN}"}}')

@@ -17,11 +17,14 @@ import pytest
 
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.clients import local
+from gantryctl.service.clients.console_link import PATH, LinkGiver, LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.limits import LINK_S
 from gantryctl.service.protocol.roles import Role
 
+PAGE = "http://127.0.0.1:8650/"
 OF_USER = local._CONNECTIONS_OF_USER
 
 
@@ -29,7 +32,7 @@ OF_USER = local._CONNECTIONS_OF_USER
 async def serving(folder: Path) -> AsyncIterator[Hub]:
     memory = SharedMemory.create()
     hub = Hub(memory, Source.LOCAL)
-    server = LocalServer(folder, hub, str)
+    server = LocalServer(folder, hub, str, LinkGiver(memory.words, PAGE))
     await server.start()
     task = asyncio.create_task(hub.run())
     yield hub
@@ -135,7 +138,41 @@ def test_name_and_role_are_what_the_system_says_of_the_other_end(uid: int, name:
             return struct.pack("3i", 1, uid, 1)[:size]
 
     connection: Any = Connection()
-    assert local.peer(connection) == (name, role)
+    assert local.peer(connection) == (uid, name, role)
+
+
+def test_a_link_to_the_console_is_for_whoever_asked_once_and_for_a_minute() -> None:
+    words, now = memoryview(bytearray(512)).cast("Q"), [1_000]
+    giver = LinkGiver(words, PAGE, lambda: now[0])
+    taker = LinkTaker(words, lambda: now[0])
+
+    def given(uid: int) -> str:
+        now[0] += 1
+        link = giver.give(uid)
+        assert link.startswith(PAGE.rstrip("/") + PATH)
+        return link.removeprefix(PAGE.rstrip("/") + PATH)
+
+    assert not taker.take("0" * 16, 0)  # before the first link
+    first = given(1000)
+    for wrong in ("", "0" * 16, first[:-1], first.upper() + " ", "\u00e9", first[::-1] + "0"):
+        assert not taker.take(wrong, 1000)
+    assert not taker.take(first, 1001)  # opened by another user: a proxy, say
+    assert taker.take(first, 1000)
+    assert not taker.take(first, 1000)
+    older, newer = given(1000), given(1000)
+    assert not taker.take(older, 1000)
+    assert taker.take(newer, 1000)
+    late = given(1000)
+    now[0] += round(LINK_S * 1e9)
+    assert not taker.take(late, 1000)
+    # A gateway that is started again does not know what was used: nothing from before it is good.
+    used = given(1000)
+    assert taker.take(used, 1000)
+    now[0] += 1
+    again = LinkTaker(words, lambda: now[0])
+    assert not again.take(used, 1000)
+    assert again.take(given(1000), 1000)
+    assert LinkGiver(words, "").give(1000) == ""
 
 
 def test_who_comes_to_the_console_is_in_the_journal(tmp_path: Path) -> None:

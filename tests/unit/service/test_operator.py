@@ -345,7 +345,7 @@ def test_random_gestures_never_leave_the_axis_moving_without_a_hand_on_the_key(s
             bench.send(who, "stop")
         elif ending == "gone":
             bench.commands[0].put(
-                b'["%s","operator","operator","loopback","",{"type":"gone"}]' % who.client.encode()
+                b'["%s","operator","operator","console","",{"type":"gone"}]' % who.client.encode()
             )
         bench.scans(round((LEASE_S + RAMP_S) * 1000) + 5)
         assert bench.axis.at_rest, (number, ending)

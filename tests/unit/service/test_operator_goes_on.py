@@ -83,7 +83,7 @@ def switch(bench: Bench, on: bool) -> None:
 def test_letting_go_of_the_enabling_switch_stops_what_is_faster_than_the_cap(begun: str) -> None:
     """An increment from anywhere, and a move that was begun from a remote screen."""
     bench = Bench()
-    who = bench.who(place="remote" if begun == "move" else "loopback")
+    who = bench.who(place="remote" if begun == "move" else "console")
     bench.powered(who, Mode.INCREMENTAL)
     bench.do(who, "set", tag="speed_setting_deg_s", value=SPEED_DEG_S)
     bench.do(who, "set", tag="increment_deg", value=100.0)

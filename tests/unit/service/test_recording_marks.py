@@ -19,7 +19,7 @@ from gantryctl.service.protocol.roles import Role
 from support.marks import newest_mark
 
 MACHINE = default_machine()
-ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
+ALICE = Identity("c1", "alice", Role.OPERATOR, "console")
 
 
 class Desk:

@@ -84,7 +84,7 @@ def sent(client: Client, seq: int, values: dict[str, Any]) -> Message:
 @pytest.mark.parametrize("role", list(Role))
 def test_every_message_that_a_role_may_not_send_is_journaled(memory: SharedMemory, role: Role) -> None:
     hub = Hub(memory, Source.WEB)
-    client = hub.connect("anna", role, "loopback")
+    client = hub.connect("anna", role, "console")
     refused = Counter[str]()
     for seq, values in enumerate(MESSAGES, 1):
         action = action_of(sent(client, seq, values))
@@ -101,7 +101,7 @@ def test_every_message_that_a_role_may_not_send_is_journaled(memory: SharedMemor
 
 def test_messages_that_are_not_understood_and_too_many_are_journaled(memory: SharedMemory) -> None:
     hub = Hub(memory, Source.WEB)
-    client = hub.connect("anna", Role.OPERATOR, "loopback")
+    client = hub.connect("anna", Role.OPERATOR, "console")
     client.take("[]")
     client.take('{"type":"move","seq":1,"frame":"0-0000000000000000","epoch":1,"target_deg":"a"}')
     for seq in range(2, 30):
@@ -124,7 +124,7 @@ def log_on(events: Ring, clock: Clock) -> RefusalLog:
     return RefusalLog(EventLog(events), clock)
 
 
-ANNA, BEN = (Identity("c", name, Role.VIEWER, "loopback") for name in ("anna", "ben"))
+ANNA, BEN = (Identity("c", name, Role.VIEWER, "console") for name in ("anna", "ben"))
 HALT, RESET = (Message(kind, 1, 0, 1, {}) for kind in ("halt", "reset"))
 NOT_YOURS = MessageRefused(Code.SEC_07, reason=Words.TAKE_CONTROL_FIRST)
 TOO_MANY = MessageRefused(Code.SEC_06, reason=Words.NO_COMMANDS_NOW)
@@ -199,7 +199,7 @@ def test_nothing_is_lost_from_the_counts_and_an_account_has_so_many_rows(steps: 
 
 def test_a_flood_of_refused_commands_leaves_its_places_to_events_of_others() -> None:
     bench = Bench()
-    wild, calm = bench.who(client="wild"), Identity("calm", "calm", Role.OPERATOR, "loopback")
+    wild, calm = bench.who(client="wild"), Identity("calm", "calm", Role.OPERATOR, "console")
     refused = 0
     for _ in range(100):
         for _ in range(8):

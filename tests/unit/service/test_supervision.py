@@ -19,6 +19,7 @@ import pytest
 from gantryctl.errors import DeviceError
 from gantryctl.machine import default_machine
 from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.service.clients.console_link import LinkGiver
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source
@@ -157,7 +158,7 @@ def test_only_the_group_gantry_gets_to_the_local_socket(
     memory = SharedMemory.create()
 
     async def start() -> int:
-        server = LocalServer(tmp_path, Hub(memory, Source.LOCAL), str)
+        server = LocalServer(tmp_path, Hub(memory, Source.LOCAL), str, LinkGiver(memory.words, ""))
         await server.start()
         found = (tmp_path / SERVICE_SOCKET).stat().st_mode
         server.close()

@@ -95,6 +95,7 @@ def run_service(
             second_person,
             Users(root),
             {check.name: check.text for check in checks},
+            "" if page is None or listener is None else address_of(page, listener),
             None if bus_log is None else bus_log.resolve(),
         ),
     )
@@ -107,6 +108,7 @@ def run_service(
             click.echo("no page; `gantryctl attach` sends commands here")
         else:
             click.echo(f"page: {address_of(page, listener)}")
+            click.echo("`gantryctl console` opens it as the console of this machine")
             click.echo(how_to_log_in(Users(root)))
         click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
 

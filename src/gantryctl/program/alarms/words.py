@@ -685,6 +685,10 @@ class Words(Enum):
     NO_ANSWER = "the controller does not answer", "控制器没有应答"
     HAS_CONTROL = "{user} has control", "控制权在 {user}"
     TAKE_CONTROL_FIRST = "take control first", "请先取得控制权"
+    LINK_DEAD = (
+        "the link was used before, is older than a minute, or was not opened here: `gantryctl console` gives another",
+        "链接已用过、超过一分钟，或不是在本机打开：请用 `gantryctl console` 取得新链接",
+    )
     HAS_CONTROL_LOCALLY = "{user} has control at the local console", "控制权在本地控制台的 {user}"
     HAS_CONTROL_MOVING = "{user} has control and the axis is moving", "控制权在 {user} 且轴在运动"
     LEASE_USED = "this lease was used before: press again", "此租约已用过：请重新按下"

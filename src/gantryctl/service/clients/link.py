@@ -19,6 +19,30 @@ from gantryctl.service.protocol.messages import WITHOUT_EPOCH
 _TIMEOUT_S: Final = 3.0
 
 
+def console_link(directory: Path) -> str:
+    """Ask the running service for a link that opens the page as the console of this machine; "" without a page.
+
+    Raises:
+        DeviceError: no service runs, or it does not answer.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+        asking.settimeout(_TIMEOUT_S)
+        try:
+            with PeerName(directory) as address:
+                asking.connect(address)
+            asking.sendall(b'{"console":true}\n')
+            with asking.makefile("rb") as said:
+                return str(json.loads(said.readline())["link"])
+        except (OSError, KeyError, ValueError) as fault:
+            raise _silent(directory, fault) from fault
+
+
+def _silent(directory: Path, fault: BaseException) -> DeviceError:
+    return DeviceError(
+        f"no service answers at {directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
+    )
+
+
 class ServiceLink:
     """A connection to the service of one machine, open from construction; a context manager.
 
@@ -55,9 +79,7 @@ class ServiceLink:
             self._socket.close()
             if not isinstance(fault, OSError | KeyError | ValueError):
                 raise
-            raise DeviceError(
-                f"no service answers at {directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
-            ) from fault
+            raise _silent(directory, fault) from fault
 
     def __enter__(self) -> ServiceLink:
         return self

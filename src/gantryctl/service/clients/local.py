@@ -1,7 +1,7 @@
 """The local socket: commands from the command line of this machine.
 
 JSON lines with the messages of the WebSocket. The first line from the client is `{"watch": true}` or
-`{"watch": false}`: with status frames or without.
+`{"watch": false}`: with status frames or without. `{"console": true}` is answered by `{"link": ADDRESS}`, and ends it.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from typing import Final
 
 from gantryctl.errors import StateError
 from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.service.clients.console_link import LinkGiver
 from gantryctl.service.clients.hub import Client, Flooded, Hub
 from gantryctl.service.protocol.limits import MESSAGE_MAX
+from gantryctl.service.protocol.messages import compact
 from gantryctl.service.protocol.roles import Role
 
 GROUP: Final = "gantry"
@@ -57,10 +59,11 @@ class LocalServer:
         directory: the machine's state directory.
         hub: of the source LOCAL.
         person: whose account it is that the system names, "" where nobody knows.
+        links: open the page as the console of this machine.
     """
 
-    def __init__(self, directory: Path, hub: Hub, person: Callable[[str], str]) -> None:
-        self._directory, self._hub, self._person = directory, hub, person
+    def __init__(self, directory: Path, hub: Hub, person: Callable[[str], str], links: LinkGiver) -> None:
+        self._directory, self._hub, self._person, self._links = directory, hub, person, links
         self._server: asyncio.Server | None = None
 
     async def start(self) -> None:
@@ -88,7 +91,7 @@ class LocalServer:
         (self._directory / SERVICE_SOCKET).unlink(missing_ok=True)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        user, role = peer(writer.get_extra_info("socket"))
+        uid, user, role = peer(writer.get_extra_info("socket"))
         # One that was unused for longest makes room, so nobody holds all places of his user, nor those of others.
         if len(self._hub) >= _CONNECTIONS or not self._hub.make_room(user, _CONNECTIONS_OF_USER, _UNUSED_S):
             writer.close()
@@ -98,6 +101,10 @@ class LocalServer:
         sender: asyncio.Task[None] | None = None
         try:
             first = json.loads(await asyncio.wait_for(reader.readline(), _SEND_S))
+            if isinstance(first, dict) and first.get("console") is True:
+                self._hub.events.put("login", "asked for a link to the page as the console", client.who)
+                writer.write(compact({"link": self._links.give(uid)}).encode() + b"\n")
+                return
             watch = isinstance(first, dict) and first.get("watch") is True
             sender = asyncio.create_task(self._send(client, writer, watch=watch))
             while line := await asyncio.wait_for(reader.readline(), None if watch else _IDLE_S):
@@ -130,8 +137,8 @@ class LocalServer:
                 return
 
 
-def peer(connection: socket.socket) -> tuple[str, Role]:
-    """Ask the system for name and role of the process at the other end."""
+def peer(connection: socket.socket) -> tuple[int, str, Role]:
+    """Ask the system for user number, name and role of the process at the other end."""
     # The service's own user and root have the service role, everybody else who may open the socket is an operator.
     found = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     _, uid, _ = _CREDENTIALS.unpack(found)
@@ -139,4 +146,4 @@ def peer(connection: socket.socket) -> tuple[str, Role]:
         name = pwd.getpwuid(uid).pw_name
     except KeyError:
         name = f"uid {uid}"
-    return name, Role.SERVICE if uid in (0, os.getuid()) else Role.OPERATOR
+    return uid, name, Role.SERVICE if uid in (0, os.getuid()) else Role.OPERATOR

@@ -338,7 +338,7 @@ class ServiceOperator:
         refused = self.authority.take(who, over, self.program.axis.at_rest, now_s)
         if refused is not None:
             raise MessageRefused(refused.code, **refused.values)
-        self._set(remote=who.place == "remote")
+        self._set(remote=who.remote)
 
     def _end_connection(self, gone: Gone) -> None:
         client, holder, local = gone.client, self.authority.holder, gone.source == Source.LOCAL

@@ -65,6 +65,10 @@ class Word(IntEnum):
     RECORDING = 8
     # Number of a recording that is to go on in a next file.
     RECORDING_LONG = 9
+    # Link that opens the page as the console: its number, for which user of the system, until when (CLOCK_MONOTONIC).
+    LINK = 16
+    LINK_UID = 17
+    LINK_UNTIL_NS = 18
 
 
 class JournalState(IntEnum):

@@ -36,6 +36,8 @@ HELD_S: Final = 30.0
 SILENCE_S: Final = 2.0
 # Time between arming and executing.
 ARMED_S: Final = 10.0
+# Time in which a link to the page as the console must be opened.
+LINK_S: Final = 60.0
 # A controller that takes longer to reply counts as silent.
 ANSWER_S: Final = 1.0
 

@@ -36,7 +36,8 @@ class Identity(NamedTuple):
 
     Attributes:
         client: one connection.
-        place: `local` is the console of this machine, `loopback` a page on it, `remote` anything else.
+        place: `local` is the local socket of this machine, `console` a page that has proved to be on it, anything else
+            is a remote screen.
         person: whose account it is, across accounts; "" for one of the system that no account stands for.
     """
 
@@ -49,8 +50,13 @@ class Identity(NamedTuple):
 
     @property
     def local(self) -> bool:
-        """Whether it is the console of this machine."""
+        """Whether it is the local socket of this machine."""
         return self.place == "local"
+
+    @property
+    def remote(self) -> bool:
+        """Whether nothing proves that it is on this machine."""
+        return self.place not in ("local", "console")
 
 
 class Message(NamedTuple):

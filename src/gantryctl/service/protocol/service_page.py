@@ -35,6 +35,7 @@ _NUMBERS: Final = {
     "silence_s": round(limits.SILENCE_S),
     "held_s": round(limits.HELD_S),
     "armed_s": round(limits.ARMED_S),
+    "link_s": f"{limits.LINK_S:g}",
     "keep_s": f"{limits.KEEP_S:g}",
 }
 

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine, config_hash
+from gantryctl.service.clients.console_link import LinkGiver
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
@@ -42,6 +43,7 @@ class Options(NamedTuple):
         second_person: what one person arms, another one executes.
         users: their changes go into the journal.
         self_test: what its checks found, by their names, for the journal.
+        page: its address for people, "" without a page.
         bus_log: file of all frames of the bus, None for none.
     """
 
@@ -50,6 +52,7 @@ class Options(NamedTuple):
     second_person: bool
     users: Users
     self_test: Mapping[str, str]
+    page: str = ""
     bus_log: Path | None = None
 
 
@@ -122,7 +125,12 @@ class Supervisor:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, ended.set)
         self.hub.events.put("service", "self-test", None, **self._options.self_test)
-        server = LocalServer(self._directory, self.hub, self._options.users.person)
+        server = LocalServer(
+            self._directory,
+            self.hub,
+            self._options.users.person,
+            LinkGiver(self.memory.words, self._options.page),
+        )
         keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
         own = [asyncio.create_task(work) for work in (self.hub.run(), self._watch(), ended.wait())]
         try:
