@@ -119,18 +119,18 @@ def test_strangers_of_an_address_take_nothing_from_whoever_is_logged_in_there(ap
 
     found = statuses(f"{API}/health")
     assert found[0] == 200
-    assert found[-1] == 429
+    assert 429 in found
     # A login, the page that asks for it, and a session have limits of their own.
     status, headers = log_in()
     cookie = headers["set-cookie"].partition("=")[2].partition(";")[0]
     assert status == 200
     assert ask(app, "GET", "/test_app.py", here)[0] == 200
-    assert statuses(f"{API}/health")[-1] == 429
+    assert 429 in statuses(f"{API}/health")
     assert [ask(app, "GET", f"{API}/status", here, cookie)[0] for _ in range(20)] == [200] * 20
     assert 429 not in statuses("/test_app.py")
     # A session floods nobody but itself, and an invented one is none.
-    assert statuses(f"{API}/health", cookie=cookie)[-1] == 429
-    assert statuses(f"{API}/health", cookie="0" * 32)[-1] == 429
+    assert 429 in statuses(f"{API}/health", cookie=cookie)
+    assert 429 in statuses(f"{API}/health", cookie="0" * 32)
     assert log_in()[0] == 200
     # Guesses are limited as well.
     found = [ask(app, "POST", f"{API}/login", here)[0] for _ in range(round(3 * LOGINS_RESERVE))]
