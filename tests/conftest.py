@@ -12,6 +12,7 @@ from hypothesis import settings
 from hypothesis.database import DirectoryBasedExampleDatabase
 
 from gantryctl.operation.store import STATE_VARIABLE
+from gantryctl.service.recorder.journal.places import KEYS_VARIABLE
 from support.oracle.taps import Oracle, tapped, watching
 
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
@@ -86,6 +87,14 @@ def states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def state_of_its_own(states: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     """No test finds the machines of another, nor those of the person who runs it."""
     monkeypatch.setenv(STATE_VARIABLE, str(states / f"{hash(request.node.nodeid):x}"))
+
+
+@pytest.fixture
+def keys(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the keys of this test's journals are: for tests whose state directory is the folder of the test."""
+    folder = tmp_path_factory.mktemp("keys")
+    monkeypatch.setenv(KEYS_VARIABLE, str(folder))
+    return folder
 
 
 @pytest.fixture(scope="session", autouse=True)

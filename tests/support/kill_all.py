@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gantryctl.service.memory.memory import Source
-from gantryctl.service.recorder.journal import read_journal
+from gantryctl.service.recorder.journal.reading import read_journal
 from support.service_process import Page, Service
 
 PHASES = ("at rest", "power on", "jog", "move")

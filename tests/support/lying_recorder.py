@@ -4,7 +4,7 @@ import sys
 import threading
 from typing import Any
 
-from gantryctl.service.recorder.journal import Journal
+from gantryctl.service.recorder.journal.writer import Journal
 from gantryctl.service.recorder.process import main
 
 LATER_S = 0.2

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import apsw
 
+from gantryctl.service.recorder.journal.mirror import SystemFile
+
 SECTOR = 512
 
 
@@ -28,7 +30,7 @@ class Step(NamedTuple):
 class _File(apsw.VFSFile):
     def __init__(self, disk: Disk, name: Any, flags: list[int]) -> None:
         self._disk = disk
-        self._name = Path(name.filename() if isinstance(name, apsw.URIFilename) else name).name
+        self._name = disk.named(name.filename() if isinstance(name, apsw.URIFilename) else name)
         super().__init__(disk.base, name, flags)
 
     def xWrite(self, data: bytes, offset: int) -> None:
@@ -44,26 +46,53 @@ class _File(apsw.VFSFile):
         super().xSync(flags)
 
 
-class Disk(apsw.VFS):
-    """Remembers; `connect` gives a database on it that looks like one of the sqlite3 module."""
+class _InPlace:
+    """A file that is written in place, each time on the disk when that returns: a mirror of the journal."""
 
-    def __init__(self) -> None:
+    def __init__(self, disk: Disk, path: Path) -> None:
+        self._disk, self._name, self._file = disk, disk.named(path), SystemFile(path)
+        disk.steps += [Step("write", self._name, 0, path.read_bytes()), Step("sync", self._name)]
+
+    def write(self, offset: int, data: bytes) -> None:
+        self._disk.steps += [Step("write", self._name, offset, data), Step("sync", self._name)]
+        self._file.write(offset, data)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class Disk(apsw.VFS):
+    """Remembers; `connect` gives a database on it that looks like one of the sqlite3 module.
+
+    Args:
+        root: folder of everything that is on it.
+    """
+
+    def __init__(self, root: Path) -> None:
         self.steps: list[Step] = []
-        self.base = ""
+        self.base, self.root = "", root.resolve()
         super().__init__(f"remembers-{id(self)}", self.base)
 
     def xOpen(self, name: Any, flags: list[int]) -> _File:
         return _File(self, name, flags)
 
     def xDelete(self, filename: str, syncdir: bool) -> None:
-        self.steps.append(Step("delete", Path(filename).name))
+        self.steps.append(Step("delete", self.named(filename)))
         super().xDelete(filename, syncdir)
+
+    def named(self, path: str | Path) -> str:
+        """Name below the root."""
+        return str(Path(path).resolve().relative_to(self.root))
+
+    def opened(self, path: Path) -> _InPlace:
+        """Open a file that is written in place."""
+        return _InPlace(self, path)
 
     def connect(self, path: Path, synchronous: str = "") -> Connection:
         return Connection(apsw.Connection(str(path), vfs=f"remembers-{id(self)}"), synchronous)
 
-    def after_cut(self, steps: int, directory: Path, chance: random.Random) -> None:
-        """Write what a disk may hold when power goes off after so many steps."""
+    def after_cut(self, steps: int, root: Path, chance: random.Random) -> None:
+        """Write below another root what a disk may hold when power goes off after so many steps."""
         whole: dict[str, bytearray] = defaultdict(bytearray)
         synced: dict[str, bytes] = {}
         loose: dict[str, list[Step]] = defaultdict(list)
@@ -82,7 +111,8 @@ class Disk(apsw.VFS):
             content = bytearray(synced.get(name, b""))
             for step in loose[name]:
                 _apply(content, step, chance)
-            (directory / name).write_bytes(content)
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_bytes(content)
 
 
 def _apply(content: bytearray, step: Step, chance: random.Random | None = None) -> None:

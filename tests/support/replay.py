@@ -21,7 +21,7 @@ from gantryctl.service.controller.process import Controller
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, Identity, to_record
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.journal import Entry
+from gantryctl.service.recorder.journal.reading import Entry
 from support.marks import newest_mark
 
 ALIVE_S = 0.5

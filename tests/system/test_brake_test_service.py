@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import pytest
 
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.journal import read_journal
+from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
 from support.service_process import PASSWORD, Page, Service, add_users
 

@@ -20,7 +20,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from gantryctl.gateway.access import COOKIE
-from gantryctl.service.recorder.journal import read_journal, verify
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.trace.reader import read_trace
 from support.service_process import PASSWORD, Page, Service, add_users
 

@@ -25,8 +25,9 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.protocol.messages import compact, reply_to
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.journal import read_journal, verify
-from gantryctl.service.recorder.journal_file import FILE
+from gantryctl.service.recorder.journal.places import FILE
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.users import Users
 from gantryctl.service.supervisor.users_kept import not_kept, running

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.machine import default_machine_path
-from gantryctl.service.recorder.journal import read_journal
+from gantryctl.service.recorder.journal.reading import read_journal
 from support.service_process import PATIENCE_S, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")

@@ -21,7 +21,8 @@ import pytest
 
 from gantryctl.machine import default_machine
 from gantryctl.service.clients.link import ServiceLink
-from gantryctl.service.recorder.journal import read_journal, verify
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.trace.columns import SPACING_COLUMN
 from gantryctl.trace.reader import read_trace
 from gantryctl.trace.table import Trace

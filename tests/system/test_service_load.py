@@ -17,7 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.service.recorder.journal import read_journal, verify
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
 from support.service_process import Service, add_users
 
 pytestmark = [

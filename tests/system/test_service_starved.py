@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from gantryctl.service.clients.link import ServiceLink
-from gantryctl.service.recorder.journal import Journal
+from gantryctl.service.recorder.journal.writer import Journal
 from gantryctl.trace.reader import read_trace
 from support.service_process import Service, add_users
 

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.journal import read_journal, verify
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
 from support.kill_all import PHASES, Killed, boots, lost, run_and_kill
 from support.service_process import PASSWORD, Page, Service, add_users

@@ -6,8 +6,12 @@ import ast
 import json
 from pathlib import Path
 
+import pytest
+
 import gantryctl
-from gantryctl.service.recorder.journal import Journal, read_journal, verify
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
+from gantryctl.service.recorder.journal.writer import Journal
 
 SOURCES = Path(gantryctl.__file__).parent
 # Everything that a scan runs through. What keeps dates (brake test, journal, certificates) lies outside.
@@ -43,6 +47,7 @@ def test_nothing_in_the_scan_reads_the_wall_clock() -> None:
     assert read == {}
 
 
+@pytest.mark.usefixtures("keys")
 def test_a_clock_that_goes_back_changes_no_order_in_the_journal(tmp_path: Path) -> None:
     """Ten years back, an hour forward: both clocks stay with the event, and the number decides."""
     stamps = (

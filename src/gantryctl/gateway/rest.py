@@ -27,7 +27,7 @@ from gantryctl.service.clients.hub import Hub
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Action
 from gantryctl.service.protocol.tags import TAGS
-from gantryctl.service.recorder.journal import read_journal
+from gantryctl.service.recorder.journal.reading import read_journal
 
 # Lines of one answer; a client asks again from the last number.
 JOURNAL_MAX: Final = 10_000

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from gantryctl.service.recorder.journal import read_journal
+from gantryctl.service.recorder.journal.reading import read_journal
 from support.browser import FOREIGN, address, enter
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.machine import default_machine
-from gantryctl.service.recorder.journal import Journal
+from gantryctl.service.recorder.journal.writer import Journal
 from support.command_line import cli, done, refused
 
 PASSWORD = "correct horse battery"
@@ -55,11 +55,12 @@ def test_the_journal_is_shown_verified_and_exported(root: Path) -> None:
               "place": "local", "client": "c", "text": "stop: done"}  # fmt: skip
     made.append(1, 0, 1, [json.dumps(record).encode()] * 3)
     made.close()
-    assert done("journal", "verify").out == "3 events, chain intact\n"
+    assert done("journal", "verify").out == "3 events, chain and seals intact\n"
     kept = root / "anchors"
     kept.write_text(done("journal", "anchor").out, encoding="utf-8")
     assert done("journal", "verify", "--anchor", kept).out.endswith("1 of 1 anchors found\n")
-    kept.write_text("3 0123 2026-01-01\n", encoding="utf-8")
+    journal = kept.read_text(encoding="utf-8").split()[-1]
+    kept.write_text(f"3 0123 2026-01-01 {journal}\n", encoding="utf-8")
     assert "event 3 is another one than on 2026-01-01" in cli("journal", "verify", "--anchor", kept).out
     kept.write_text("three\n", encoding="utf-8")
     assert "not lines of `gantryctl journal anchor`" in refused("journal", "verify", "--anchor", kept)

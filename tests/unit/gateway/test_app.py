@@ -17,7 +17,7 @@ from gantryctl.gateway.settings import LOGINS_RESERVE, REQUESTS_RESERVE, Setting
 from gantryctl.gateway.static import Page
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.journal import Journal
+from gantryctl.service.recorder.journal.writer import Journal
 from gantryctl.service.supervisor import users
 from gantryctl.service.supervisor.users import Users
 

@@ -14,14 +14,17 @@ import pytest
 
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
-from gantryctl.service.recorder import journal as journal_module
 from gantryctl.service.recorder import process as recorder
-from gantryctl.service.recorder.journal import Anchor, Journal, anchor, read_journal, verify
-from gantryctl.service.recorder.journal_file import FILE
+from gantryctl.service.recorder.journal import writer as journal_module
+from gantryctl.service.recorder.journal.places import FILE, places_of
+from gantryctl.service.recorder.journal.proof import Fault, verify
+from gantryctl.service.recorder.journal.reading import anchor, read_journal
+from gantryctl.service.recorder.journal.writer import Journal
 from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from support.power_cut import Disk, Step
 
+pytestmark = pytest.mark.usefixtures("keys")
 PLENTY = 10**12
 KEPT = 10
 
@@ -54,7 +57,7 @@ def test_old_events_are_taken_out_and_the_chain_goes_on(tmp_path: Path) -> None:
     assert rows[0].values["text"] == "event 41"
     assert rows[-2].values["text"] == "events 1 to 40 were taken out by age or size"
     verdict = verify(tmp_path, [kept])
-    assert verdict == (62, "", 41, 1)
+    assert verdict[:4] == (62, "", 41, 1)
     again = Journal(tmp_path)  # opened anew, it is the same journal
     assert again.moved_aside is None
     assert again.prune("2026-01-11T00:00:00.000+00:00", PLENTY) == 0
@@ -67,7 +70,7 @@ def test_by_size_the_oldest_go_until_it_fits_and_the_newest_stay_whatever_happen
     assert made.prune("", used) == 0
     assert made.prune("", 0) == 100 - KEPT
     made.close()
-    assert verify(tmp_path) == (KEPT + 1, "", 91, 0)
+    assert verify(tmp_path)[:4] == (KEPT + 1, "", 91, 0)
 
 
 def test_a_quota_holds_however_many_events_come(tmp_path: Path) -> None:
@@ -89,7 +92,7 @@ def test_a_quota_holds_however_many_events_come(tmp_path: Path) -> None:
          "rows up to 50 were removed, and no event records it"),
         ("DELETE FROM events WHERE seq = 41", "row 41 is missing"),
         ("UPDATE base SET hash = 'x'", "row 41 was changed, or one before it was taken out or put in"),
-        ("UPDATE base SET seq = 0", "row 1 is missing"),
+        ("UPDATE base SET seq = 0", "its name is not the one it began with"),
         ("DELETE FROM events WHERE kind = 'journal'", "the end is missing: 100 rows, 101 were written"),
     ],
 )  # fmt: skip
@@ -108,30 +111,42 @@ def test_an_anchor_kept_elsewhere_finds_a_journal_that_was_made_anew(tmp_path: P
     kept = anchor(tmp_path)
     assert kept.seq == 100
     assert verify(tmp_path, [kept]).anchors == 1
+    for path in places_of(tmp_path).mirrors:
+        path.unlink()
     (tmp_path / FILE).unlink()
-    shorter = filled(tmp_path, 24)
+    filled(tmp_path, 24).close()
     assert verify(tmp_path).wrong == ""
-    said = f"the end is missing: 96 rows, event 100 was there on {kept.utc}"
-    assert verify(tmp_path, [kept]).wrong == said
-    shorter.append(1, 0, 97, [record("forged", 25) for _ in range(4)])
-    shorter.close()
-    assert verify(tmp_path, [kept]).wrong == f"event 100 is another one than on {kept.utc}"
+    verdict = verify(tmp_path, [kept])
+    assert (verdict.wrong, verdict.fault) == (
+        "the last of the anchors given is of another journal",
+        Fault.OTHER,
+    )
+    ours = anchor(tmp_path)
+    assert verify(tmp_path, [kept, ours]).wrong == ""  # an older journal's, which was moved aside
+    assert verify(tmp_path, [ours._replace(seq=200)]).fault is Fault.SHORT
+    another = verify(tmp_path, [ours._replace(hash=kept.hash)])
+    assert another.wrong == f"event {ours.seq} is another one than on {ours.utc}"
 
 
 def test_the_anchor_of_the_last_event_taken_out_still_counts(tmp_path: Path) -> None:
     made = filled(tmp_path)
-    right = Anchor(40, read_journal(tmp_path, after=39, limit=1)[0].hash, "then")
+    right = made.newest._replace(seq=40, hash=read_journal(tmp_path, after=39, limit=1)[0].hash, utc="then")
     made.prune("2026-01-11T00:00:00.000+00:00", PLENTY)
     made.close()
     assert verify(tmp_path, [right]).wrong == ""
     assert verify(tmp_path, [right._replace(hash="x")]).wrong == "event 40 is another one than on then"
-    assert verify(tmp_path, [Anchor(7, "x", "before")]) == (61, "", 41, 0)  # not there any more: not judged
+    assert verify(tmp_path, [right._replace(seq=7, hash="x")])[:4] == (
+        61,
+        "",
+        41,
+        0,
+    )  # not there any more: not judged
 
 
 def test_a_first_look_at_the_newest_sees_what_is_wrong_with_them(tmp_path: Path) -> None:
     filled(tmp_path).close()
-    assert verify(tmp_path, newest=10) == (10, "", 91, 0)
-    assert verify(tmp_path, newest=1000) == (100, "", 1, 0)
+    assert verify(tmp_path, newest=10)[:4] == (10, "", 91, 0)
+    assert verify(tmp_path, newest=1000)[:4] == (100, "", 1, 0)
     for row, wrong in ((90, ""), (95, "row 95 was changed, or one before it was taken out or put in")):
         with sqlite3.connect(tmp_path / FILE) as db:
             db.execute("UPDATE events SET text = 'changed' WHERE seq = ?", (row,))
@@ -182,7 +197,7 @@ def test_events_wait_in_memory_while_the_disk_is_slow_and_none_is_acknowledged_b
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder, "SLOW_S", 0.05)
-    disk = Disk()
+    disk = Disk(tmp_path)
     bench = Bench(tmp_path, disk.connect)
     bench.writer.drain()
     bench.log.put("command", "first")

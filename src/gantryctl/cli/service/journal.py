@@ -11,7 +11,7 @@ import click
 from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
 
 if TYPE_CHECKING:
-    from gantryctl.service.recorder.journal import Anchor
+    from gantryctl.service.recorder.journal.chain import Anchor
 
 
 @click.group()
@@ -33,7 +33,7 @@ def _directory(config_file: Path | None) -> Path:
 @json_option
 def journal_show(config_file: Path | None, count: int, as_json: bool) -> int:
     """Show the newest events, oldest of them first."""
-    from gantryctl.service.recorder.journal import read_journal
+    from gantryctl.service.recorder.journal.reading import read_journal
 
     rows = read_journal(_directory(config_file), limit=count, newest=True)
     if as_json:
@@ -49,27 +49,76 @@ def journal_show(config_file: Path | None, count: int, as_json: bool) -> int:
 @journal.command("anchor")
 @config_option
 def journal_anchor(config_file: Path | None) -> int:
-    """Print number, hash and date of the newest event: one line to keep elsewhere, every day for example.
+    """Print number, hash and date of the newest event, and the journal's name: one line to keep elsewhere.
 
-    Whoever can write the journal could make a whole new one; not one in which these lines are true.
+    The service keeps such a line every day by itself, outside the state directory. Whoever can write the journal and
+    has its key could make a whole new one; not one in which the lines that you keep on another machine are true.
     """
-    from gantryctl.service.recorder.journal import anchor
+    from gantryctl.service.recorder.journal.reading import anchor
 
-    click.echo(" ".join(str(part) for part in anchor(_directory(config_file))))
+    click.echo(anchor(_directory(config_file)).line)
+    return 0
+
+
+@journal.command("copy")
+@config_option
+@click.argument("file", type=PATH)
+def journal_copy(config_file: Path | None, file: Path) -> int:
+    """Copy the journal to FILE, for another machine; an older copy of it there is replaced.
+
+    An older copy must have nothing that the journal has not: otherwise it is left as it is, and the exit code is 2.
+    """
+    from gantryctl.service.recorder.journal.places import places_of
+    from gantryctl.service.recorder.journal.reading import anchor, copy_journal
+
+    directory = _directory(config_file)
+    newest = anchor(directory)
+    found = copy_journal(places_of(directory).database, file)
+    since = f", {found.only_one} of them new" if found.same else ""
+    click.echo(f"events up to {newest.seq} in {file}{since}")
     return 0
 
 
 @journal.command("verify")
 @config_option
 @click.option("--anchor", "anchor_file", type=PATH, help="Lines of `journal anchor` that must be true.")
+@click.option("--file", type=PATH, help="Check this file: a copy, or one that was moved aside.")
+@click.option("--copy", "copy_file", type=PATH, help="Compare with this copy, event by event.")
+@click.option("--key", "key_file", type=PATH, help="Key of the journal, where it is not in its place.")
+@click.option("--without-key", is_flag=True, help="Check the chain only, not the seals.")
 @json_option
-def journal_verify(config_file: Path | None, anchor_file: Path | None, as_json: bool) -> int:
-    """Check every event and its hash. Exit code 1 when the journal is not whole."""
-    from gantryctl.service.recorder.journal import verify
+def journal_verify(
+    config_file: Path | None,
+    anchor_file: Path | None,
+    file: Path | None,
+    copy_file: Path | None,
+    key_file: Path | None,
+    without_key: bool,
+    as_json: bool,
+) -> int:
+    """Check every event, its hash and its seal, and the newest one against its mirrors.
 
+    Exit code 1 when the journal is not whole: then it says which events are certain, changed and missing.
+    """
+    from gantryctl.errors import UsageError
+    from gantryctl.service.recorder.journal.key import read_key
+    from gantryctl.service.recorder.journal.places import places_of
+    from gantryctl.service.recorder.journal.proof import kept_anchors, verify, verify_file
+    from gantryctl.service.recorder.journal.reading import compare
+
+    if key_file is not None and without_key:
+        raise UsageError("--key or --without-key, not both")
+    places = places_of(_directory(config_file))
     # The chain alone proves that nothing was changed in between; only lines kept elsewhere find a journal made anew.
     anchors = [] if anchor_file is None else _anchors(anchor_file)
-    verdict = verify(_directory(config_file), anchors)
+    key = None if without_key else read_key(key_file or places.key) if file or key_file else None
+    if file is not None:
+        known = [*kept_anchors(places.anchors), *anchors]
+        verdict = verify_file(file, key, anchors=known, given=anchors)
+    else:
+        verdict = verify(places.directory, anchors, key=key, keyed=not without_key)
+    compared = None if copy_file is None else compare(file or places.database, copy_file)
+    wrong = verdict.wrong or (compared.trouble if compared is not None else "")
     if as_json:
         print_json(
             {
@@ -77,20 +126,35 @@ def journal_verify(config_file: Path | None, anchor_file: Path | None, as_json: 
                 "first": verdict.first,
                 "anchors_given": len(anchors),
                 "anchors_found": verdict.anchors,
-                "intact": not verdict.wrong,
-                "wrong": verdict.wrong,
+                "sealed": verdict.sealed,
+                "intact": not wrong,
+                "wrong": wrong,
+                "certain": verdict.certain,
+                "changed": verdict.changed,
+                "missing": verdict.missing,
+                "copy": None if compared is None else compared._asdict(),
             }
         )
-    elif verdict.wrong:
+        return int(bool(wrong))
+    if verdict.wrong:
         click.echo(f"NOT intact: {verdict.wrong}")
+        for name in ("certain", "changed", "missing"):
+            click.echo(f"  {name:<8} {', '.join(map(str, getattr(verdict, name))) or 'no event'}")
     else:
         since = f" from number {verdict.first} on" if verdict.first > 1 else ""
-        click.echo(f"{verdict.rows} events{since}, chain intact")
+        checked = "chain and seals intact" if verdict.sealed else "chain intact, seals not checked"
+        click.echo(f"{verdict.rows} events{since}, {checked}")
         if anchors:
             # Events taken out by size or age leave a chain that begins later: their anchors are no fault.
             gone = "" if verdict.anchors == len(anchors) else ", the others are of events taken out since"
             click.echo(f"{verdict.anchors} of {len(anchors)} anchors found{gone}")
-    return int(bool(verdict.wrong))
+    if compared is not None:
+        click.echo(
+            f"copy: NOT alike: {compared.trouble}"
+            if compared.trouble
+            else f"copy: {compared.same} events alike, {compared.only_one} newer ones only in the journal"
+        )
+    return int(bool(wrong))
 
 
 def _anchors(file: Path) -> list[Anchor]:
@@ -100,11 +164,10 @@ def _anchors(file: Path) -> list[Anchor]:
         UsageError: it cannot be read, or one is no line of `journal anchor`.
     """
     from gantryctl.errors import UsageError
-    from gantryctl.service.recorder.journal import Anchor
+    from gantryctl.service.recorder.journal.chain import anchors_in
 
     try:
-        lines = [line.split() for line in file.read_text(encoding="utf-8").splitlines() if line.strip()]
-        found = [Anchor(int(seq), digest, utc) for seq, digest, utc in lines]
+        found = anchors_in(file.read_text(encoding="utf-8"))
     except OSError as fault:
         raise UsageError(f"{file}: {fault.strerror or fault}") from fault
     except ValueError:
@@ -120,7 +183,7 @@ def _anchors(file: Path) -> list[Anchor]:
 def journal_export(config_file: Path | None, file: Path) -> int:
     """Write all events as JSON lines to FILE, with their hashes."""
     from gantryctl.errors import UsageError
-    from gantryctl.service.recorder.journal import read_journal
+    from gantryctl.service.recorder.journal.reading import read_journal
 
     directory, after, count = _directory(config_file), 0, 0
     try:

@@ -173,7 +173,9 @@ class Code(StrEnum):
     JRN_01 = "JRN-01"
     JRN_02 = "JRN-02"
     JRN_03 = "JRN-03"
+    JRN_04 = "JRN-04"
     JRN_05 = "JRN-05"
+    JRN_07 = "JRN-07"
 
 
 class Text(NamedTuple):

@@ -205,6 +205,17 @@ SERVICE: Final = (
              "磁盘缓慢、已满或故障，或记录进程挂起。此时断电会丢失该事件。",
              "查看 `journal_state` 和磁盘；`journal_committed` 达到该编号时事件已保存。"),
     ),
+    # Fault catalogue F14: the mirrors of the newest event know what a journal that is whole in itself has lost.
+    Definition(
+        Code.JRN_04, _WARN, _REF,
+        Text("Events missing", "{reason}; service must reset",
+             "The journal was removed, cut, or put back from an older copy; or the disk has lost what it had kept.",
+             "Read what is missing: `gantryctl journal verify`; keep the file that was moved aside. "
+             "Then the service role resets."),
+        Text("事件缺失", "{reason}；须由维修人员复位",
+             "日志被删除、截短或被较旧的副本替换；或磁盘丢失了已保存的内容。",
+             "查看缺失的内容（`gantryctl journal verify`），保留移走的文件；由维修角色复位。"),
+    ),
     # Fault catalogue F15: moved aside, never repaired: its chain is evidence.
     Definition(
         Code.JRN_05, _WARN, _REF,
@@ -213,5 +224,14 @@ SERVICE: Final = (
              "Keep the file that was moved aside; the service role resets."),
         Text("日志损坏", "日志已损坏并移至 {file}；须由维修人员复位",
              "其哈希链或文件被破坏：磁盘故障，或被人更改。", "保留移走的文件；由维修角色复位。"),
+    ),
+    Definition(
+        Code.JRN_07, _WARN, _REF,
+        Text("Journal files touched", "{reason}; service must reset",
+             "Somebody removed, replaced, linked or moved files of the journal, or the directory they are in.",
+             "Find out who did it; put a directory that was moved back; then the service role resets."),
+        Text("日志文件被动过", "{reason}；须由维修人员复位",
+             "有人删除、替换、链接或移动了日志文件或其所在目录。",
+             "查明是谁所为；将移走的目录放回；然后由维修角色复位。"),
     ),
 )  # fmt: skip

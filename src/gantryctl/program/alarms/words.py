@@ -632,6 +632,28 @@ class Words(Enum):
         "其事件没有位置等待记录进程",
     )
 
+    JOURNAL_GONE = (
+        "the journal is gone; its newest event was number {number} of {when}",
+        "日志不见了；其最新事件为 {when} 的第 {number} 号",
+    )
+    JOURNAL_SHORT = (
+        "the journal does not have event {number} of {when} as it was, and was moved to {file}",
+        "日志中没有 {when} 的第 {number} 号原事件，已移至 {file}",
+    )
+    MIRROR_GONE = (
+        "{file} does not say what the newest event was: whether events are missing cannot be told",
+        "{file} 没有给出最新事件：无法判断是否有事件缺失",
+    )
+    FILE_REPLACED = (
+        "{file} was removed or replaced while it was in use, and was written anew",
+        "{file} 在使用中被删除或替换，已重新写入",
+    )
+    FILE_LINKED = "{file} has a second name", "{file} 有第二个名称"
+    DIRECTORY_MOVED = (
+        "{file} is no longer the directory that was opened; events are kept in that one",
+        "{file} 已不是打开时的目录；事件仍保存在原目录中",
+    )
+
     # Refusals of the service: roles, messages, control, leases, arming.
     ROLE_MAY_NOT = "the role {role} may not do this ({action})", "角色 {role} 无权执行（{action}）"
     LOG_IN_FIRST = "log in first", "请先登录"

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import platform
 import shutil
-import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -17,8 +15,11 @@ from gantryctl.machine import Machine, default_machine_path
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import SERVICE_SOCKET, now_text
 from gantryctl.service.backup.archive import Manifest, content_of, write_archive
-from gantryctl.service.recorder.journal import verify
-from gantryctl.service.recorder.journal_file import FILE as JOURNAL
+from gantryctl.service.recorder.journal.key import read_key
+from gantryctl.service.recorder.journal.places import FILE as JOURNAL
+from gantryctl.service.recorder.journal.places import KEY, MIRROR, places_of
+from gantryctl.service.recorder.journal.proof import verify_file
+from gantryctl.service.recorder.journal.reading import copy_journal
 from gantryctl.service.recorder.run_record import FILE as RUN
 from gantryctl.service.supervisor.users import FILE as USERS
 
@@ -31,7 +32,7 @@ SET_ASIDE: Final = "before-restore-"
 
 # Of the machine's directory: what belongs to a running process, and what SQLite's own copy replaces.
 JOURNAL_FILES: Final = (JOURNAL, f"{JOURNAL}-wal", f"{JOURNAL}-shm")
-_NEVER: Final = frozenset({"lock", SERVICE_SOCKET, RUN, *JOURNAL_FILES})
+_NEVER: Final = frozenset({"lock", SERVICE_SOCKET, RUN, MIRROR, *JOURNAL_FILES})
 _SECRET: Final = frozenset({"opcua/key.pem"})
 
 
@@ -62,8 +63,9 @@ def create_backup(
             config_file = _copy_config(machine, folder / CONFIG)
             for path in _state_files(directory, secrets=secrets, recordings=recordings):
                 _copy(path, folder / STATE / path.relative_to(directory))
-            if secrets and (root / USERS).exists():
-                _copy(root / USERS, folder / ACCOUNTS / USERS)
+            for path, inside in ((root / USERS, USERS), (places_of(directory).key, KEY)):
+                if secrets and path.exists():
+                    _copy(path, folder / ACCOUNTS / inside)
             journal = _copy_journal(directory, folder / STATE)
             files = {
                 path.relative_to(folder).as_posix(): content_of(path)
@@ -117,15 +119,10 @@ def _copy_journal(directory: Path, folder: Path) -> str:
         return ""
     to.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     try:
-        with (
-            closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as live,
-            closing(sqlite3.connect(to)) as copy,
-        ):
-            live.backup(copy)
-            # One file: nothing of SQLite's log beside it.
-            copy.execute("PRAGMA journal_mode = DELETE")
-        return verify(folder).wrong
-    except (sqlite3.Error, DeviceError) as fault:
+        copy_journal(source, to)
+        key = places_of(directory).key
+        return verify_file(to, read_key(key) if key.exists() else None).wrong
+    except DeviceError as fault:
         # A damaged journal is evidence: its files as they are.
         to.unlink(missing_ok=True)
         for path in directory.glob(f"{JOURNAL}*"):

@@ -19,8 +19,10 @@ from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.runtime import RetainedMemory, StateLock
 from gantryctl.service.backup.archive import Manifest, extract, read_manifest
 from gantryctl.service.backup.create import ACCOUNTS, CONFIG, JOURNAL_FILES, RECORDINGS, SET_ASIDE, STATE
-from gantryctl.service.recorder.journal import Journal, verify
-from gantryctl.service.recorder.journal_file import FILE as JOURNAL
+from gantryctl.service.recorder.journal.places import FILE as JOURNAL
+from gantryctl.service.recorder.journal.places import KEY, MIRROR, places_of
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.writer import Journal
 from gantryctl.service.recorder.run_record import FILE as RUN
 from gantryctl.service.recorder.run_record import RunFile
 from gantryctl.service.supervisor.users import FILE as USERS
@@ -127,6 +129,7 @@ class _Restore:
         self._put_state()
         self._put_recordings()
         self._put_accounts(replaced=accounts)
+        self._put_key()
         said = f"restored by {operator_name()} from a backup of {self._manifest.made} by {self._manifest.by}"
         if memory is not None:
             # The encoder may have turned meanwhile, and its zero may have been set anew: without a rest position
@@ -178,7 +181,7 @@ class _Restore:
         """Set aside what is here, and put what the backup has in its place; the retained memory comes later."""
         stays = {_LOCK, RECORDINGS, SERVICE_SOCKET, RUN}
         if self._journal_is_whole():
-            stays |= set(JOURNAL_FILES)
+            stays |= {*JOURNAL_FILES, MIRROR}
         # A simulated plant is the machine itself and no memory of it: it does not turn back.
         if (self._directory / _PLANT).exists():
             stays.add(_PLANT)
@@ -220,6 +223,13 @@ class _Restore:
         if to.exists():
             shutil.copy2(to, self._set_aside / USERS)
         write_whole(to, source.read_bytes(), private=True)
+
+    def _put_key(self) -> None:
+        """Put the key of the journal in place where there is none: without it the journal would be a stranger's."""
+        source, to = self._folder / ACCOUNTS / KEY, places_of(self._directory).key
+        if source.exists() and not to.exists():
+            to.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            write_whole(to, source.read_bytes(), private=True)
 
     def _write_down(self, said: str) -> None:
         """Write into the journal that the machine was restored, if it has one."""

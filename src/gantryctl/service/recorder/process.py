@@ -15,6 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -26,7 +27,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.frame_writer import FrameWriter
-from gantryctl.service.recorder.journal import Batch, Journal
+from gantryctl.service.recorder.journal.writer import Batch, Journal, JournalFault
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.run_record import RunFile, RunKeeper
 from gantryctl.service.recorder.trace_writer import TraceWriter
@@ -39,6 +40,7 @@ _LOOK_S: Final = 0.002
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0
 _PRUNE_S: Final = 600.0
+_ANCHOR_S: Final = 86400.0
 # The controller takes 20 s at most to bring the axis to rest, and then keeps its state.
 _OTHERS_S: Final = 40.0
 
@@ -70,14 +72,13 @@ class EventWriter:
         self._memory, self._directory, self._free = memory, directory, free_bytes
         self._policy, self._connect = policy or RetentionPolicy(), connect
         self._journal: Journal | None = None
-        self._locked = False
         # When the commit under way began, on CLOCK_MONOTONIC.
         self.began_s: float | None = None
         self.failed = False
         # What this process has to say itself, from any thread; it stays until it is kept.
         self.notes: deque[Note] = deque()
         self._disk = 0
-        self._failed_since_s = self._prune_s = -math.inf
+        self._failed_since_s = self._prune_s = self._anchor_s = -math.inf
         self._slowest_s = 0.0
 
     @property
@@ -87,7 +88,8 @@ class EventWriter:
             return JournalState.FAILED
         if self._free() < self._policy.event_reserve_mb * MB:
             return JournalState.FULL
-        if self._locked:
+        journal = self._journal
+        if journal is not None and journal.locked:
             return JournalState.LOCKED
         began_s = self.began_s
         slow = began_s is not None and time.monotonic() - began_s > SLOW_S
@@ -100,8 +102,19 @@ class EventWriter:
             JournalFault: the events were not written and wait on.
         """
         if self._journal is None:
-            self._open()
-        assert self._journal is not None
+            self._journal = Journal(self._directory, self._connect)
+            self._anchor_s = -math.inf
+        try:
+            return self._drain(self._journal)
+        except JournalFault as fault:
+            if fault.damaged:
+                # Opened anew it is moved aside, and the events wait for the next one.
+                self._journal.close()
+                self._journal = None
+            raise
+
+    def _drain(self, journal: Journal) -> bool:
+        journal.look()
         boot = self._memory.words[Word.BOOT] & (2**62 - 1)
         rings = self._memory.events
         # One commit for all sources: a reply waits for one synchronisation of the disk, whoever else writes events.
@@ -109,7 +122,7 @@ class EventWriter:
         if batches:
             began_s = self.began_s = time.monotonic()
             try:
-                self._journal.append_all(boot, batches)
+                journal.append_all(boot, batches)
             finally:
                 self.began_s = None
             self._slowest_s = max(self._slowest_s, time.monotonic() - began_s)
@@ -117,8 +130,6 @@ class EventWriter:
             # numbers of the ring make every event exactly once.
             for source, _, records in batches:
                 rings[source].advance(len(records))
-                if self._locked and any(r is not None and b'"kind":"journal"' in r for r in records):
-                    self._locked = False
         self.failed = False
         while self.notes:
             note = self.notes[0]
@@ -126,6 +137,8 @@ class EventWriter:
             self.notes.popleft()
         self._report_disk()
         self._prune()
+        self._keep_anchor(journal)
+        journal.settle()
         return bool(batches)
 
     def _report_disk(self) -> None:
@@ -160,19 +173,23 @@ class EventWriter:
         taken = self._journal.prune(before, int(self._policy.journal_mb * MB))
         self._prune_s = now_s if taken else now_s + _PRUNE_S
 
+    def _keep_anchor(self, journal: Journal) -> None:
+        """Keep an anchor at the start and every day: in a file, and on the terminal of the service."""
+        now_s = time.monotonic()
+        if now_s < self._anchor_s:
+            return
+        self._anchor_s = now_s + _ANCHOR_S
+        made = journal.anchor()
+        if made is not None:
+            # systemd takes it from there, and passes it on to whoever collects its log.
+            sys.stderr.write(f"journal anchor: {made.line}\n")
+
     def _alarm(self, code: Code, **values: object) -> None:
         self._note("alarm", refusal(code, **values).line, code=str(code))
 
     def _note(self, kind: str, text: str, **values: object) -> None:
         assert self._journal is not None
         self._journal.note(kind, text, **values)
-
-    def _open(self) -> None:
-        self._journal = Journal(self._directory, self._connect)
-        aside = self._journal.moved_aside
-        if aside is not None:
-            self._alarm(Code.JRN_05, file=aside.name)
-        self._locked = self._journal.locked()
 
     def run(self, ended: threading.Event) -> None:
         """Write events until told to end and everything is written."""
@@ -202,6 +219,9 @@ class EventWriter:
     def close(self) -> None:
         """Close the journal."""
         if self._journal is not None:
+            self._anchor_s = -math.inf
+            with suppress(JournalFault):
+                self._keep_anchor(self._journal)
             self._journal.close()
 
 

@@ -60,4 +60,10 @@ class RetentionPolicy(NamedTuple):
 
 def free_of(directory: Path) -> Callable[[], int]:
     """Make a function that returns the free bytes on the disk of a directory."""
-    return lambda: shutil.disk_usage(directory).free
+
+    def free() -> int:
+        # One that was moved away meanwhile leaves the directory above it.
+        there = next(place for place in (directory, *directory.absolute().parents) if place.is_dir())
+        return shutil.disk_usage(there).free
+
+    return free

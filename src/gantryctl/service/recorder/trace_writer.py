@@ -156,7 +156,8 @@ class TraceWriter:
         columns, metadata = found["columns"], found["metadata"]
         self._unpack = struct.Struct(f"<{len(columns) + 2}d").unpack
         try:
-            self._directory.mkdir(parents=True, exist_ok=True)
+            # Not its parents: a state directory that was moved away is not begun anew by a recording.
+            self._directory.mkdir(exist_ok=True)
             # A closed file is there already when its last rows were still in the ring.
             if self._files(CLOSED_SUFFIX):
                 return

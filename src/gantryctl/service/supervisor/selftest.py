@@ -18,8 +18,9 @@ from gantryctl.operation.store import StateStore
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.service.memory.memory import SharedMemory
-from gantryctl.service.recorder.journal import verify
-from gantryctl.service.recorder.journal_file import FILE
+from gantryctl.service.recorder.journal.key import made_key
+from gantryctl.service.recorder.journal.places import places_of
+from gantryctl.service.recorder.journal.proof import verify
 from gantryctl.service.recorder.retention import MB, RetentionPolicy, free_of
 from gantryctl.service.supervisor.installed import check_installed
 from gantryctl.service.supervisor.private_files import exposed
@@ -49,6 +50,7 @@ def self_test(
         "clock": _clock,
         "state": partial(_state, machine, store),
         "disk": partial(_disk, store.directory, policy),
+        "journal key": partial(_key, store.directory),
         "journal": partial(_journal, store.directory),
         "users": partial(_users, root),
         "secrets": partial(_secrets, secrets),
@@ -112,10 +114,18 @@ def _disk(directory: Path, policy: RetentionPolicy) -> tuple[bool, str]:
 def _journal(directory: Path) -> tuple[bool, str]:
     """Check the newest events of the journal."""
     # The newest events take a second at most; `gantryctl journal verify` checks all.
-    if not (directory / FILE).exists():
+    places = places_of(directory)
+    if not any(path.exists() for path in (places.database, *places.mirrors, places.anchors)):
         return True, "a new one"
     verdict = verify(directory, newest=_NEWEST)
     return not verdict.wrong, verdict.wrong or f"{verdict.rows} events, chain intact"
+
+
+def _key(directory: Path) -> tuple[bool, str]:
+    """Check the key that seals the journal; made where there is none."""
+    path = places_of(directory).key
+    made_key(path)
+    return True, str(path)
 
 
 def _users(root: Path) -> tuple[bool, str]:

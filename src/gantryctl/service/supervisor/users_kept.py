@@ -12,7 +12,7 @@ from typing import Final
 from gantryctl.errors import DeviceError
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.clients.local import PeerName
-from gantryctl.service.recorder.journal import read_journal
+from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
 
 # A service looks for changes once a second, and has their event on the disk some milliseconds later.

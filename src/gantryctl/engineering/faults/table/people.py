@@ -11,6 +11,7 @@ _SERVICE: Final = "system/test_service.py"
 _OPERATOR: Final = "unit/service/test_operator.py"
 _KEYS: Final = "system/page/test_hold_to_run.py"
 _NETWORK: Final = "unit/service/test_slow_network.py"
+_EVIDENCE: Final = "unit/service/test_journal_evidence.py"
 _FILES: Final = "unit/machine/test_files.py"
 
 PEOPLE: Final = (
@@ -308,16 +309,26 @@ PEOPLE: Final = (
     ),
     Row(
         "H19",
-        "The journal is changed, or text forges lines in it",
-        "hash chain; every text is escaped",
-        "`gantryctl journal verify` finds it",
-        (),
-        at(
-            "unit/service/test_journal.py",
-            "test_any_changed_field_of_any_row_is_found",
-            "test_rows_taken_out_are_found_and_the_journal_is_begun_anew",
-            "test_control_characters_do_not_reach_a_log",
-            "test_any_text_becomes_one_printable_line_that_fits",
+        "The journal is changed, put back from an older copy, removed or moved; text forges lines in it",
+        "hash chain with seals; two mirrors of the newest event; inode and links of open files; every text is escaped",
+        "told at once in use, at the next start and by `gantryctl journal verify`; no motion until service resets; "
+        "what is removed in use is written anew",
+        (Code.JRN_04, Code.JRN_05, Code.JRN_07),
+        (
+            *at(
+                "unit/service/test_journal.py",
+                "test_any_changed_field_of_any_row_is_found",
+                "test_rows_taken_out_are_found_and_the_journal_is_begun_anew",
+                "test_control_characters_do_not_reach_a_log",
+                "test_any_text_becomes_one_printable_line_that_fits",
+            ),
+            *at(
+                _EVIDENCE,
+                "test_who_knows_everything_but_the_key_cannot_rewrite_history",
+                "test_what_is_missing_or_swapped_is_told_by_verify_and_locks_the_next_start",
+                "test_a_file_that_is_deleted_or_replaced_in_use_is_written_anew_and_nothing_is_lost",
+                "test_a_directory_that_is_moved_away_locks_until_it_is_back_and_keeps_its_events",
+            ),
         ),
     ),
 )

@@ -9,6 +9,8 @@ from gantryctl.program.alarms.codes import Code
 
 _REAL_TIME: Final = "unit/runtime/test_real_time.py"
 _DURABLE: Final = "system/test_journal_durability.py"
+_BITS: Final = "system/test_journal_bits.py"
+_EVIDENCE: Final = "unit/service/test_journal_evidence.py"
 _JOURNAL: Final = "unit/service/test_journal.py"
 _STORE: Final = "unit/runtime/test_retained_store.py"
 
@@ -212,17 +214,18 @@ PROCESS: Final = (
     Row(
         "F14",
         "Power cut while the journal is written",
-        "hash chain",
-        "every acknowledged event is there",
-        (),
-        at(
-            _DURABLE,
-            "test_a_power_cut_loses_nothing_that_was_acknowledged",
-            "test_a_thousand_power_cuts",
-            "test_this_test_can_fail_without_full_synchronisation_events_are_lost",
+        "hash chain; the newest event in two mirrors",
+        "every acknowledged event is there; were one missing, no motion until service resets",
+        (Code.JRN_04,),
+        (
+            *at(
+                _DURABLE,
+                "test_a_power_cut_loses_nothing_that_was_acknowledged",
+                "test_a_hundred_thousand_power_cuts",
+                "test_this_test_can_fail_without_full_synchronisation_events_are_lost",
+            ),
+            *at(_EVIDENCE, "test_what_is_missing_or_swapped_is_told_by_verify_and_locks_the_next_start"),
         ),
-        State.PARTLY,
-        "a thousand cuts, not the hundred thousand of the catalogue: those belong to a campaign",
     ),
     Row(
         "F15",
@@ -237,9 +240,9 @@ PROCESS: Final = (
             ),
             *at(
                 _JOURNAL,
-                "test_no_damage_of_the_file_makes_it_fail",
                 "test_any_changed_field_of_any_row_is_found",
             ),
+            *at(_BITS, "test_bits_of_every_page_and_frame", "test_every_bit_of_sixty_events"),
         ),
     ),
     Row(
