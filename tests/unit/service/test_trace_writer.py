@@ -20,6 +20,7 @@ from gantryctl.service.memory.snapshot import publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.recorder import trace_writer
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
+from gantryctl.service.recorder.row_filter import BEFORE_S
 from gantryctl.service.recorder.trace_writer import TraceWriter
 from gantryctl.trace.naming import next_number, number_of, oldest_first
 from gantryctl.trace.reader import read_trace
@@ -48,6 +49,12 @@ class Bench:
         for _ in range(count):
             # Something happens all the time: nothing is left out.
             self.controller.mark = self.made // 1000
+            self.controller.record((self.made * PERIOD_S, self.made / 7))
+            self.made += 1
+
+    def quiet(self, count: int) -> None:
+        """Rows in which nothing happens."""
+        for _ in range(count):
             self.controller.record((self.made * PERIOD_S, self.made / 7))
             self.made += 1
 
@@ -235,6 +242,37 @@ def test_the_end_of_a_controller_that_was_killed_closes_its_recording(tmp_path: 
     RingRecorder(bench.memory.rows, COLUMNS).end(41)
     bench.writer.drain(at_once=True)
     assert bench.kept() == [k / 7 for k in range(100)]  # twice is no other file
+    # Also when recorder and controller were killed.
+    bench.controller.number = 42
+    bench.rows(100)
+    bench.writer.drain(at_once=True)
+    bench.start()
+    RingRecorder(bench.memory.rows, COLUMNS).end(42)
+    bench.writer.drain(at_once=True)
+    bench.writer.join()
+    assert {number_of(file): file.suffix for file in tmp_path.iterdir()} == {41: ".parquet", 42: ".parquet"}
+    bench.memory.close()
+
+
+def test_a_recorder_killed_at_rest_loses_none_of_the_rows_before_an_event(tmp_path: Path) -> None:
+    """Those that were not decided are in the ring still."""
+    bench = Bench(tmp_path)
+    bench.rows(10)
+    bench.quiet(9000)
+    bench.writer.drain(at_once=True)
+    bench.quiet(1000)
+    bench.writer.drain(at_once=True)
+    bench.start()
+    bench.writer.drain(at_once=True)
+    at = bench.made
+    bench.rows(1)
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    bench.writer.join()
+    (file,) = tmp_path.iterdir()
+    scans = np.round(read_trace(file).time_s / PERIOD_S).astype(int)
+    before = round(BEFORE_S / PERIOD_S)
+    assert set(range(at - before, at + 1)) <= set(scans.tolist())
     bench.memory.close()
 
 

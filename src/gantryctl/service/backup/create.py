@@ -55,8 +55,6 @@ def create_backup(
     directory = root / machine.name
     if not directory.is_dir():
         raise UsageError(f"{directory}: {machine.name} has no state here yet: there is nothing to keep")
-    if out.exists():
-        raise StateError(f"{out}: is there already; a backup is never written over another one")
     try:
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=".backup-") as name:
             folder = Path(name)
