@@ -12,7 +12,7 @@ from pathlib import Path
 from string import Formatter
 from typing import Any
 
-from gantryctl.program import ALARMS
+from gantryctl.program import ALARMS, Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.messages import MESSAGES
 from gantryctl.service.protocol.roles import RIGHTS, Action, Role
@@ -20,6 +20,7 @@ from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
 HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
 NUMBERS = {"float": "number", "int": "number", "bool": "boolean", "text": "string", "rows": "AlarmRow[]"}
+NUMBERS["pairs"] = "[number, number][]"
 NUMBERS["messages"] = "Message[]"
 ROW_TYPES = {"id": "number", "time_s": "number", "pos_act_deg": "number | null"}
 ROW_TYPES |= {
@@ -29,6 +30,9 @@ ROW_TYPES |= {
     "values": "Values",
     "steps": "Message[]",
 }
+# What the page refuses itself, before it sends a target: the codes of the service, in its words.
+_REFUSED = (Code.CTL_01, Code.CTL_09, Code.CTL_18)
+_REFUSED_WORDS = (Words.NAME_TARGET, Words.WITHIN_TRAVEL, Words.ANGLE, Words.NO_WAY_ROUND, Words.WAY_ROUND)
 _MESSAGE = """\
 /** A code or words with values, a reason against power, or a text that has none. */
 export type Message =
@@ -91,6 +95,11 @@ def _codes() -> Iterator[str]:
     yield "export const WORDS: Record<string, string> = {"
     for words in Words:
         yield f"  {words.name}: {json.dumps(_with_formats(words.english, words.chinese), ensure_ascii=False)},"
+    yield "};\n\n/** English of what the page itself refuses: codes, and the words that stand in them. */"
+    yield "export const ENGLISH: Record<string, string> = {"
+    english = {code.value: ALARMS[code].english.message for code in _REFUSED}
+    for name, text in (english | {words.name: words.english for words in _REFUSED_WORDS}).items():
+        yield f"  '{name}': {json.dumps(text)},"
     yield "};\n"
 
 

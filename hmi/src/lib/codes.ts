@@ -470,3 +470,15 @@ export const WORDS: Record<string, string> = {
   PERSON_UNKNOWN: "需要两人，但不知 {user} 是谁的账号：请用 `gantryctl user add {user}` 说明",
   ARMED_ELSEWHERE: "{action} 由 {user} 在另一屏幕预备：请在此预备",
 };
+
+/** English of what the page itself refuses: codes, and the words that stand in them. */
+export const ENGLISH: Record<string, string> = {
+  'CTL-01': "{name} must be {allowed}, got {measured}",
+  'CTL-09': "target {measured:.2f} deg is beyond {limit:+.2f} deg; you are at {position:.2f} deg, so {left:.2f} deg are left",
+  'CTL-18': "the way to {measured:.2f} deg enters the no-go sector {begin:.2f} to {end:.2f} deg; you are at {position:.2f} deg, permitted as far as {limit:.2f} deg; {round}",
+  'NAME_TARGET': "target",
+  'WITHIN_TRAVEL': "within {low:.2f} and {high:.2f} deg",
+  'ANGLE': "{value:.10g} deg",
+  'NO_WAY_ROUND': "there is no way round",
+  'WAY_ROUND': "the way round is {way:+.2f} deg",
+};

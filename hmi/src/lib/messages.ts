@@ -1,5 +1,5 @@
 // What the service says, in the language of the page: its English text, or Chinese made of code and values.
-import { CODES, WORDS } from './codes';
+import { CODES, ENGLISH, WORDS } from './codes';
 import { prefs, word } from './prefs.svelte';
 import type { AlarmRow, Message, Values } from './tables';
 
@@ -13,9 +13,21 @@ export function said(messages: Message[] | null | undefined, english: string | n
   return found.includes('') ? (english ?? '') : found.join('，');
 }
 
+/** A message that the page itself has made: with its code, and in the words of the service. */
+export function made(message: Message): string {
+  return prefs.language === 'zh' ? inChinese(message) : inEnglish(message);
+}
+
 /** Title, cause or what to do of a code. */
 export function ofCode(row: AlarmRow, part: 'title' | 'cause' | 'to_do'): string {
   return (prefs.language === 'zh' && CODES[row.code]?.[part]) || row[part];
+}
+
+/** English of one message of the page; it makes no others than `ENGLISH` has. */
+function inEnglish(message: Message): string {
+  if (typeof message === 'string') return message;
+  const name = 'code' in message ? message.code : 'words' in message ? message.words : message.reason;
+  return filled(ENGLISH[name], message.values, inEnglish);
 }
 
 /** Chinese of one message; empty when the page does not know it. */
@@ -28,15 +40,15 @@ function inChinese(message: Message): string {
 }
 
 /** `{limit:+.2f}` stands for a number with sign and decimals, `{name}` for whatever the value is. */
-function filled(template: string | undefined, values: Values): string {
+function filled(template: string | undefined, values: Values, nested = inChinese): string {
   return (template ?? '').replace(
     /\{(\w+)(?::(\+?)(?:\.(\d+))?([fg]))?\}/g,
     (_, name, sign, digits, kind) => {
       const value = values[name as string] ?? '';
       const group = GROUPS[name as string];
       if (group && typeof value === 'string') return word(group, value);
-      if (Array.isArray(value)) return value.map(inChinese).join('；');
-      if (typeof value !== 'number') return inChinese(value);
+      if (Array.isArray(value)) return value.map(nested).join('；');
+      if (typeof value !== 'number') return nested(value);
       const text =
         kind === 'f'
           ? value.toFixed(Number(digits))

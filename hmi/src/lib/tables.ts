@@ -92,6 +92,10 @@ export interface Tags {
   travel_left_minus_deg: number | null;
   /** Cable left in the plus direction. [deg] */
   travel_left_plus_deg: number | null;
+  /** The set-point can go down to this from where it is: an end of travel, or its clearance to a no-go sector; of a modulo axis counted on from `pos_ref_deg`, null without a sector. [deg] */
+  reach_min_deg: number | null;
+  /** The set-point can go up to this. [deg] */
+  reach_max_deg: number | null;
   /** PLCopen axis state. */
   axis_state: 'disabled' | 'standstill' | 'homing' | 'discrete_motion' | 'continuous_motion' | 'synchronized_motion' | 'stopping' | 'error_stop' | null;
   /** CiA 402 state of the drive. */
@@ -302,8 +306,10 @@ export interface Tags {
   axis_kind: string | null;
   /** How people read and type angles: -180..180 or 0..360; tags and commands are signed angles of the axis. */
   display: string | null;
-  /** No-go sectors, from and to; empty without one. [deg] */
-  no_go: string | null;
+  /** No-go sectors, from and to; of a modulo axis in every turn. [deg] */
+  no_go_deg: [number, number][] | null;
+  /** What the page draws: gantry for the machine of the paper, else axis. */
+  drawing: string | null;
   /** sim, ideal or canopen. */
   drive_kind: string | null;
   /** Short hash of the machine file in force. */

@@ -12,6 +12,7 @@ from gantryctl.machine.calibration import Calibration
 from gantryctl.machine.problems import show_value
 from gantryctl.machine.reading import printable
 from gantryctl.machine.specs import Value, field_specs, value_at
+from gantryctl.machine.tables.axis import ENDS
 from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import Machine
 
@@ -131,7 +132,10 @@ def _canonical(value: Any) -> Any:
 
 def to_toml(machine: Machine) -> str:
     """Text that `parse_machine` turns back into an equal machine with the same hash."""
-    return toml_tables(effective_values(machine))
+    values = effective_values(machine)
+    # A modulo axis has values beside its turn, and refuses their keys.
+    without = {f"axis.{key}" for key in ENDS} if machine.axis.modulo else set()
+    return toml_tables({path: value for path, value in values.items() if path not in without})
 
 
 def toml_tables(

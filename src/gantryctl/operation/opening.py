@@ -30,6 +30,7 @@ from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import AxisProgram, Code, GantryProgram
 from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.axis.turns import Turns
 from gantryctl.runtime import AlarmEntry, Engine, Retained
 from gantryctl.units import deg
 from gantryctl.wiring.engine import ProgramFactory, build_program, drive_of
@@ -197,14 +198,20 @@ def new_machine(machine: Machine, angle_deg: float | None = None) -> OpenMachine
 
     drive = drive_of(machine, angle_deg)
     with left_on_failure(drive):
+        zero, rest = delivered_zero_counts(machine), int(drive.read().pos_act_counts)
+        scale = _encoder_scale(machine, drive.identity())
+        if (turn := scale.axis_turn_counts) is not None:
+            # From the zero to where it stands the encoder may have wrapped: the zero is kept with its rest position.
+            wraps = round((zero + angle_deg / scale.deg_per_count - rest) / scale.range_counts)
+            zero = Turns(turn, zero).kept_zero(rest + wraps * scale.range_counts, scale.range_counts)
         retained = Retained(
             machine=machine.name,
             config_hash=config_hash(machine),
             encoder_serial=drive.identity().encoder_serial,
-            zero_offset_counts=delivered_zero_counts(machine),
+            zero_offset_counts=zero,
             zero_set_by="simulator",
             zero_witness=f"new simulated machine, zeroed at {machine.axis.read_deg(zeroed_deg):g} deg",
-            rest_position_counts=int(drive.read().pos_act_counts),
+            rest_position_counts=rest,
         )
     return _opened(machine, drive, retained)
 

@@ -93,7 +93,7 @@ def test_display_shows_what_the_controller_says(page: Page, watcher: Watcher) ->
     angle = page.locator("main [data-tag=pos_act_deg]")
     expect(angle).to_have_text(re.compile(r"^−?\d+\.\d\d$"))
     assert number(angle.inner_text()) == pytest.approx(tags["pos_act_deg"], abs=0.006)  # two decimals
-    expect(page.get_by_role("img", name="The gantry at")).to_be_visible()
+    expect(page.get_by_role("img", name="The axis at")).to_be_visible()
     expect(page.get_by_role("img", name=re.compile("Cable: .* left in minus"))).to_be_visible()
     expect(page.locator(".overview [data-tag=mode]")).to_have_text(tags["mode"])
 
@@ -137,7 +137,11 @@ def test_a_move_that_cannot_be_is_not_offered(page: Page) -> None:
     page.keyboard.press("2")
     ready_to_jog(page)
     button = page.locator(".move form > button").first
-    for typed, why in (("181", "Beyond the travel."), ("1e3", "Type an angle."), ("", "Type an angle.")):
+    for typed, why in (
+        ("181", "It would be refused: see below."),
+        ("1e3", "Type an angle."),
+        ("", "Type an angle."),
+    ):
         page.get_by_label("Target").fill(typed)
         expect(button).to_be_disabled()
         expect(button).to_have_attribute("title", why)

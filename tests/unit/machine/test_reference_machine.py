@@ -20,6 +20,7 @@ from gantryctl.machine import (
 )
 from gantryctl.machine.derived import derived
 from gantryctl.machine.effective import to_toml
+from support.modulo_machine import modulo_machine
 
 ROOT = Path(__file__).parents[3]
 REQUIRED = {
@@ -104,8 +105,9 @@ def test_types_are_what_wiring_expects():
     assert machine.plant.switches.rigid is False
 
 
-def test_the_text_of_a_machine_gives_the_machine_back():
-    machine = default_machine()
+@pytest.mark.parametrize("machine", [default_machine(), modulo_machine()], ids=["linear", "modulo"])
+def test_the_text_of_a_machine_gives_the_machine_back(machine):
+    """Of a modulo axis, which refuses the keys of ends, too."""
     again = parse_machine(to_toml(machine))
     assert again == machine
     assert config_hash(again) == config_hash(machine)

@@ -16,6 +16,7 @@ from gantryctl.errors import CommandRefused, ConfigError
 from gantryctl.image import Direction, DriveIdentity
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation.home_reference import EncoderScale, RestVerdict, judge_reference, why_not_referenced
+from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.run_memory import RunEnd, RunMemory, retained_after
 from gantryctl.operation.state import encoder_report, machine_status, set_encoder_zero
@@ -165,7 +166,7 @@ def test_the_zero_is_set_anywhere_in_the_turn_and_kept() -> None:
     moved(machine, 35.0)
     set_encoder_zero(machine, 359.0, "mark")
     report = dict(encoder_report(machine).rows())
-    assert report["angle"] == "+359.00000 deg"
+    assert report["angle"] == "359.00000 deg"
     assert report["wrap margin"] == "none: a modulo axis; a way of less than 10.1 deg while off is told"
     assert moved(machine, 2.0)[0] == pytest.approx(1.0, abs=MOTOR_DEG)
 
@@ -317,3 +318,13 @@ def test_a_plant_of_many_turns_goes_on_in_its_first() -> None:
     assert abs(reading(back) - reading(state)) <= 1
     linear = default_machine()
     assert turned_back(linear, state) == state
+
+
+@pytest.mark.parametrize("angle_deg", [-350.0, -20.0, 0.0, 11.0, 150.0, 359.0])
+def test_a_new_machine_stands_where_it_was_asked_to_stand(angle_deg: float) -> None:
+    """The encoder of 20.1 deg has wrapped up to 17 times between its zero and there. Gears rest within 0.01 deg."""
+    machine = modulo_machine()
+    found = new_machine(machine, angle_deg)
+    assert found.reading.verdict is RestVerdict.OK
+    assert found.reading.angle_deg is not None
+    assert abs(math.remainder(found.reading.angle_deg - angle_deg, 360.0)) < 0.01

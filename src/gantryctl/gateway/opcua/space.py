@@ -147,7 +147,7 @@ def _words(name: str) -> str:
 
 def _value(tag: Tag, value: Any) -> tuple[object, int]:
     """What is shown, and what it lacks: a status, or 0."""
-    if tag.kind in ("rows", "messages"):
+    if tag.kind in ("pairs", "rows", "messages"):
         return json.dumps(value or [], ensure_ascii=False), 0
     if value is None:
         lack = ua.StatusCodes.BadSensorFailure if tag.name in _MEASURED else ua.StatusCodes.BadOutOfService

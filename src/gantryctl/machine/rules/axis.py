@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, linear_rule, rule
 from gantryctl.machine.specs import field_specs, unknown_guesses
+from gantryctl.machine.tables.axis import ENDS
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN
 
@@ -18,11 +19,6 @@ def guesses_are_keys(m: Machine) -> Broken:
 
 
 # --- travel -------------------------------------------------------------------------------------------------
-# Keys of an axis with two ends.
-_ENDS: Final = (
-    "over_travel_min_deg", "over_travel_max_deg", "limit_switch_min_deg", "limit_switch_max_deg",
-    "mechanical_stop_min_deg", "mechanical_stop_max_deg",
-)  # fmt: skip
 # The exact gear of a wheel train has small numbers; digits of a rounded ratio have not.
 _DENOMINATOR_MAX: Final = 1000
 # A hundredth of the finest count of a gantry, 7.5e-8 deg, in a turn.
@@ -39,12 +35,12 @@ def modulo_has_one_turn(m: Machine) -> Broken:
     return None if abs(span - 360.0) <= 1e-9 else words
 
 
-@rule("axis.kind", *(f"axis.{key}" for key in _ENDS))
+@rule("axis.kind", *(f"axis.{key}" for key in ENDS))
 def modulo_has_no_ends(m: Machine) -> Broken:
     """A modulo axis has no over-travel, limit switches and mechanical stops: their keys are refused."""
     if not m.axis.modulo:
         return None
-    given = [key for key in _ENDS if key in m.axis.model_fields_set]
+    given = [key for key in ENDS if key in m.axis.model_fields_set]
     return (
         f'must be "linear" where the ends of travel are given: remove {", ".join(given)}' if given else None
     )

@@ -45,6 +45,11 @@ class FileIdentity(IdentityTable):
     )
 
 
+# Keys of an axis with two ends; a modulo axis has none of them.
+ENDS: Final = (
+    "over_travel_min_deg", "over_travel_max_deg", "limit_switch_min_deg", "limit_switch_max_deg",
+    "mechanical_stop_min_deg", "mechanical_stop_max_deg",
+)  # fmt: skip
 _AT: Final[Any] = Field(ge=-3600.0, le=3600.0)
 
 

@@ -7,7 +7,8 @@ from collections import deque
 from typing import Any, Final
 
 from gantryctl.image import DriveState, Mode
-from gantryctl.machine import Machine, short_hash
+from gantryctl.machine import Machine, is_reference_machine, short_hash
+from gantryctl.machine.tables.axis import ENDS
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.log import messages_to_wire
 from gantryctl.runtime import Engine
@@ -32,10 +33,6 @@ _BUS_TAGS: Final = (
 )  # fmt: skip
 # A change of one is recorded with every scan before and after it.
 SWITCHED: Final = tuple(name for name in FAST if BY_NAME[name].kind in ("bool", "enum"))
-_ENDS: Final = (
-    "over_travel_min_deg", "over_travel_max_deg", "limit_switch_min_deg", "limit_switch_max_deg",
-    "mechanical_stop_min_deg", "mechanical_stop_max_deg",
-)  # fmt: skip
 
 
 class Publisher:
@@ -140,15 +137,17 @@ class Publisher:
         # A motion without an end has no target, and none in time.
         end_rad = virtual.plan.pos_end if virtual.plan.vel_end == 0.0 else math.nan
         left_s = axis.plan_end_s - engine.time_s
-        low, high = limits.pos_min_deg, limits.pos_max_deg
+        ref, low, high = deg(travel.shown_rad(virtual.pos_ref_rad)), limits.pos_min_deg, limits.pos_max_deg
         if travel.no_go_rad:
-            stretch = travel.stretch(virtual.pos_ref_rad)
-            low, high = deg(travel.shown_rad(stretch.low_rad)), deg(travel.shown_rad(stretch.high_rad))
+            stretch, ref_rad = travel.stretch(virtual.pos_ref_rad), virtual.pos_ref_rad
+            low, high = ref + deg(stretch.low_rad - ref_rad), ref + deg(stretch.high_rad - ref_rad)
+        elif travel.endless:
+            low = high = math.nan
         widening_rad = monitors.following_error_per_speed_s * abs(virtual.vel_ref_rad_s)
         return {
             "pos_act_deg": pos,
             "vel_act_deg_s": deg(vel),
-            "pos_ref_deg": deg(travel.shown_rad(virtual.pos_ref_rad)),
+            "pos_ref_deg": ref,
             "vel_ref_deg_s": deg(virtual.vel_ref_rad_s),
             "acc_ref_deg_s2": deg(virtual.acc_ref_rad_s2),
             "vel_cmd_deg_s": deg(axis.vel_cmd_rad_s / axis.settings.law.ratio),
@@ -165,6 +164,8 @@ class Publisher:
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
             "travel_left_minus_deg": math.nan if travel.endless else pos - low,
             "travel_left_plus_deg": math.nan if travel.endless else high - pos,
+            "reach_min_deg": low,
+            "reach_max_deg": high,
             "following_error_trip_deg": deg(monitors.following_error_base_rad + widening_rad),
         }
 
@@ -271,7 +272,8 @@ class Publisher:
             "machine": machine.name,
             "axis_kind": axis.kind,
             "display": axis.display,
-            "no_go": "; ".join(f"{begin:g} to {end:g}" for begin, end in axis.no_go_deg),
+            "no_go_deg": axis.no_go_deg,
+            "drawing": "gantry" if is_reference_machine(machine) else "axis",
             "drive_kind": machine.drive.kind,
             "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,
@@ -284,7 +286,7 @@ class Publisher:
             "pos_min_deg": axis.pos_min_deg,
             "pos_max_deg": axis.pos_max_deg,
             # A modulo axis has no ends.
-            **{key: None if axis.modulo else getattr(axis, key) for key in _ENDS},
+            **{key: None if axis.modulo else getattr(axis, key) for key in ENDS},
             "torque_rated_nm": motor.torque_rated_nm,
             "torque_max_nm": motor.torque_max_nm,
         }

@@ -12,7 +12,7 @@ from gantryctl.image import DriveState, Mode
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
 from gantryctl.service.protocol.messages import ARMABLE
 
-Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows", "messages"]
+Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "pairs", "rows", "messages"]
 Rate: TypeAlias = Literal["20 Hz", "1 Hz", "on change"]
 
 
@@ -77,6 +77,10 @@ _MOTION: Final = (
     _out("quick_stop_angle_deg", "deg", "float", "20 Hz", "Way to rest with a quick stop now: rigid, no reaction."),
     _out("travel_left_minus_deg", "deg", "float", "20 Hz", "Cable left in the minus direction."),
     _out("travel_left_plus_deg", "deg", "float", "20 Hz", "Cable left in the plus direction."),
+    _out("reach_min_deg", "deg", "float", "20 Hz",
+         "The set-point can go down to this from where it is: an end of travel, or its clearance to a no-go sector; "
+         "of a modulo axis counted on from `pos_ref_deg`, null without a sector."),
+    _out("reach_max_deg", "deg", "float", "20 Hz", "The set-point can go up to this."),
 )  # fmt: skip
 
 _STATE: Final = (
@@ -219,7 +223,8 @@ _MACHINE: Final = (
     _out("axis_kind", "", "text", "on change", "linear, or modulo: turns without end."),
     _out("display", "", "text", "on change",
          "How people read and type angles: -180..180 or 0..360; tags and commands are signed angles of the axis."),
-    _out("no_go", "deg", "text", "on change", "No-go sectors, from and to; empty without one."),
+    _out("no_go_deg", "deg", "pairs", "on change", "No-go sectors, from and to; of a modulo axis in every turn."),
+    _out("drawing", "", "text", "on change", "What the page draws: gantry for the machine of the paper, else axis."),
     _out("drive_kind", "", "text", "on change", "sim, ideal or canopen."),
     _out("config_hash", "", "text", "on change", "Short hash of the machine file in force."),
     _out("version", "", "text", "on change", "Version of gantryctl."),
