@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import os
+import py_compile
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,7 @@ def record(site: Path, package: str) -> Distribution:
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1\n")
     lines = []
     for path in sorted(site.rglob("*")):
-        if path.is_file():
+        if path.is_file() and path.suffix != ".pyc":  # an installer gives those no hash
             digest = (
                 base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).rstrip(b"=").decode()
             )
@@ -88,6 +89,52 @@ def test_any_change_is_named(site: Path, change: Callable[[Path], object], named
     result = check_installed(installed, site / "house")
     assert result is not None
     assert result.changed == (named,)
+
+
+def compiled(source: Path) -> Path:
+    """A copy compiled as Python does it, of a source whose numbers are found in it."""
+    source.write_text("LIMIT_DEG = 180500\n\n\ndef reach() -> int:\n    return 180500\n")
+    return Path(py_compile.compile(str(source), doraise=True))
+
+
+def test_a_compiled_copy_is_what_its_source_gives(site: Path) -> None:
+    for name in ("x", "room/y"):
+        compiled(site / "house" / f"{name}.py")
+    result = found(site)
+    assert result is not None
+    assert result.changed == ()
+
+
+@pytest.mark.parametrize("mode", list(py_compile.PycInvalidationMode))
+def test_a_compiled_copy_that_would_run_and_says_something_else_is_named(
+    site: Path, mode: py_compile.PycInvalidationMode
+) -> None:
+    source = site / "house" / "x.py"
+    compiled(source)
+    copy = Path(py_compile.compile(str(source), doraise=True, invalidation_mode=mode))
+    data = copy.read_bytes()
+    limit = (180500).to_bytes(4, "little")
+    assert limit in data
+    installed = record(site, "house")
+    copy.write_bytes(data.replace(limit, (190500).to_bytes(4, "little")))
+    result = check_installed(installed, site / "house")
+    assert result is not None
+    assert result.changed == (copy.relative_to(site).as_posix(),)
+    copy.write_bytes(data[:-8])
+    result = check_installed(installed, site / "house")
+    assert result is not None
+    assert result.changed == (copy.relative_to(site).as_posix(),)
+
+
+def test_a_compiled_copy_that_python_would_not_run_is_left_alone(site: Path) -> None:
+    source = site / "house" / "x.py"
+    copy, other = compiled(source), compiled(site / "house" / "room" / "y.py")
+    data = copy.read_bytes()
+    copy.write_bytes(data[:8] + bytes(4) + data[12:-8])  # of a source of another time
+    other.write_bytes(b"old" + data[3:])  # of another Python
+    result = found(site)
+    assert result is not None
+    assert result.changed == ()
 
 
 def test_without_hashes_of_what_runs_there_is_nothing_to_compare_with(site: Path, tmp_path: Path) -> None:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import marshal
+import struct
 from base64 import urlsafe_b64encode
 from importlib.machinery import all_suffixes
 from importlib.metadata import Distribution
+from importlib.util import MAGIC_NUMBER, cache_from_source
 from pathlib import Path
 from typing import Final, NamedTuple
 
 _CACHE: Final = "__pycache__"
+# Magic number, flags, then time and size of the source or its hash (PEP 552).
+_HEAD: Final = struct.Struct("<4sIII")
 
 
 class InstalledFiles(NamedTuple):
@@ -18,7 +23,8 @@ class InstalledFiles(NamedTuple):
 
     Attributes:
         checked: number of files with a hash.
-        changed: names of those that are missing or differ, and of modules that were put among them; sorted.
+        changed: names of those that are missing or differ, of compiled copies that differ from their source, and of
+            modules that were put among them; sorted.
     """
 
     checked: int
@@ -44,6 +50,12 @@ def check_installed(installed: Distribution, package: Path) -> InstalledFiles | 
         return None
     hashed = {name: digest for name, digest in recorded.items() if digest}
     changed = {name for name, digest in hashed.items() if _digest(root / name) != digest}
+    # Python runs the compiled copy of a source, and RECORD has no hash of it.
+    for name in hashed.keys() - changed:
+        if name.endswith(".py") and name.startswith(f"{package.name}/"):
+            copy = Path(cache_from_source(str(root / name)))
+            if not _compiled_from(root / name, copy):
+                changed.add(copy.relative_to(root).as_posix() if copy.is_relative_to(root) else str(copy))
     # A module that is not in RECORD may be found before the one that is: an extension comes before a source.
     suffixes = tuple(all_suffixes())
     for path in package.rglob("*"):
@@ -60,3 +72,22 @@ def _digest(path: Path) -> str:
     except OSError:
         return ""
     return f"sha256={urlsafe_b64encode(digest).rstrip(b'=').decode()}"
+
+
+def _compiled_from(source: Path, copy: Path) -> bool:
+    """Whether a compiled copy, if Python would run it, is what its source gives."""
+    try:
+        text, data, found = source.read_bytes(), copy.read_bytes(), source.stat()
+    except OSError:
+        return True  # there is none
+    if len(data) < _HEAD.size:
+        return True
+    magic, flags, changed_s, size = _HEAD.unpack_from(data)
+    stale = not flags and (changed_s, size) != (int(found.st_mtime) & 0xFFFFFFFF, found.st_size & 0xFFFFFFFF)
+    if magic != MAGIC_NUMBER or stale:
+        return True  # Python compiles the source again
+    try:
+        ran = marshal.loads(data[_HEAD.size :])  # noqa: S302 - what an import would read anyway
+    except (EOFError, ValueError, TypeError):
+        return False
+    return bool(ran == compile(text, str(source), "exec", dont_inherit=True))
