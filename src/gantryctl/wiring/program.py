@@ -181,6 +181,10 @@ def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | 
     return None
 
 
+# Of the permitted deviation of the speed: 0.2 deg/s on the reference gantry.
+_CHANGE_SHARE: Final = 0.4
+
+
 def _monitors(machine: Machine) -> MonitorSettings:
     m, motor, ratio = machine.monitors, machine.motor, machine.axis.ratio
     ideal, fine = machine.drive.kind == "ideal", _fine_encoder(machine)
@@ -192,6 +196,7 @@ def _monitors(machine: Machine) -> MonitorSettings:
         speed_reading_max_rad_s=2.0 * rad_s_from_r_min(motor.speed_max_r_min) / ratio,
         speed_change_max_rad_s2=(motor.torque_max_nm + machine.brake.torque_nm) * per_torque,
         speed_change_per_torque=per_torque,
+        speed_change_base_rad_s=_CHANGE_SHARE * rad(m.velocity_deviation_deg_s),
         following_error_base_rad=rad(m.following_error_base_deg),
         following_error_per_speed_s=m.following_error_per_speed_s,
         following_error_warning_ratio=m.following_error_warning_ratio,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, number_option, print_json
+from gantryctl.cli.options import FINITE, PATH, config_option, json_option, machine_of, print_json
 from gantryctl.cli.text import print_table
 
 if TYPE_CHECKING:
@@ -65,10 +65,18 @@ def show(number: str, as_json: bool) -> None:
 @config_option
 @click.option("--fault", "number", help="Number of the catalogue, e.g. A2.")
 @click.option("--file", "file", type=PATH, help="Injections of a TOML or JSON file instead.")
-@number_option(["--speed"], 6.0, "Speed in deg/s; a minus turns the other way.")
-@number_option(["--angle"], 90.0, "Angle in deg at which the fault begins.")
-@number_option(["--scan"], 4.0, "Scan period in ms.")
-@number_option(["--moment"], 16.0, "Eccentric moment in kN m.")
+@click.option(
+    "--speed",
+    type=FINITE,
+    help="Speed in deg/s; a minus turns the other way. The highest setting when not given.",
+)
+@click.option(
+    "--angle",
+    type=FINITE,
+    help="Angle in deg at which the fault begins. Where the eccentric moment is largest when not given.",
+)
+@click.option("--scan", type=FINITE, help="Scan period in ms. That of the machine when not given.")
+@click.option("--moment", type=FINITE, help="Eccentric moment in kN m. That of the machine when not given.")
 @click.option("--bus", is_flag=True, help="Use the virtual drive behind a CANopen bus.")
 @click.option(
     "--brake-owner",
@@ -83,10 +91,10 @@ def run(
     config_file: Path | None,
     number: str | None,
     file: Path | None,
-    speed: float,
-    angle: float,
-    scan: float,
-    moment: float,
+    speed: float | None,
+    angle: float | None,
+    scan: float | None,
+    moment: float | None,
     bus: bool,
     brake_owner: str,
     out: Path | None,
@@ -115,7 +123,8 @@ def run(
         from gantryctl.engineering.faults.figure import draw_fault
 
         drive = f"bus, brake by {result.brake_owner}" if bus else "simulated drive"
-        draw_fault(result, f"{title} - {speed:g} deg/s at {angle:g} deg, scan {scan:g} ms, {drive}", out)
+        run_at = f"{result.speed_deg_s:g} deg/s at {result.angle_deg:g} deg, scan {result.scan_ms:g} ms"
+        draw_fault(result, f"{title} - {run_at}, {drive}", out)
     if as_json:
         print_json(result_data(result))
     else:

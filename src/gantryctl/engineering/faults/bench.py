@@ -59,9 +59,20 @@ class FaultLog:
 
 def bench_machine(machine: Machine, speed_deg_s: float) -> dict[str, float]:
     """Values by which a machine comes to a speed in some seconds."""
-    acc = max(machine.virtual_axis.acc_deg_s2, abs(speed_deg_s) / _RAMP_UP_S)
-    dec = max(machine.virtual_axis.dec_deg_s2, abs(speed_deg_s) / _RAMP_UP_S)
-    return {"virtual_axis.acc_deg_s2": acc, "virtual_axis.dec_deg_s2": dec}
+    axis = machine.virtual_axis
+    # A normal stop is no harder than that of a key that is let go.
+    ramp = min(abs(speed_deg_s) / _RAMP_UP_S, axis.jog_release_dec_deg_s2)
+    return {
+        "virtual_axis.acc_deg_s2": max(axis.acc_deg_s2, ramp),
+        "virtual_axis.dec_deg_s2": max(axis.dec_deg_s2, ramp),
+    }
+
+
+def way_to_cruise_deg(machine: Machine, speed_deg_s: float) -> float:
+    """Way of ramp and calm cruise before the place of a fault, with its sign."""
+    speed = abs(speed_deg_s)
+    ramp = speed * speed / (2.0 * machine.virtual_axis.acc_deg_s2)
+    return math.copysign(ramp + speed * _CRUISE_S, speed_deg_s)
 
 
 def _simulated(machine: Machine, angle_deg: float) -> tuple[Drive, SimDrive | DriveNode, Neighbours]:
@@ -294,12 +305,10 @@ class FaultBench:
 
     def _way_to_cruise(self) -> float:
         """Way of ramp and calm cruise before the angle, with its sign."""
-        speed = abs(self._speed)
-        acc = self.machine.virtual_axis.acc_deg_s2
-        ramp = speed * speed / (2.0 * acc)
-        way = 0.0 if self._phase is Phase.ACCELERATION else speed * _CRUISE_S
-        part = 0.25 if self._phase is Phase.ACCELERATION else 1.0
-        return math.copysign(part * ramp + way, self._speed)
+        if self._phase is not Phase.ACCELERATION:
+            return way_to_cruise_deg(self.machine, self._speed)
+        # Half of the speed is reached after a quarter of the ramp.
+        return 0.25 * self._speed * abs(self._speed) / (2.0 * self.machine.virtual_axis.acc_deg_s2)
 
     def command(self, **levels: Any) -> None:
         """Set levels of the operator."""

@@ -65,6 +65,7 @@ class FaultCase:
         also: alarm that must come too. rests: False: nothing is left that could hold the load.
         hold: the drive may be enabled again to hold the load.
         seen_after_s: time that the monitor needs beyond that of its class.
+        by_ramp: seen when the speed is above the ramp of the quick stop by what it may deviate.
         from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
         judged: False: nothing is demanded of the run, it is shown.
     """
@@ -84,5 +85,6 @@ class FaultCase:
     rests: bool = True
     hold: bool = False
     seen_after_s: float = 0.0
+    by_ramp: bool = False
     from_deviation: bool = False
     judged: bool = True

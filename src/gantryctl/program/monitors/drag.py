@@ -24,7 +24,8 @@ _HALT_SHARE: Final = 0.30
 class DragWatch:
     """Learns what a motion needs and judges what it needs beyond that, in the direction of motion.
 
-    Until it has learned, all that any load may need counts as load: the torque the brake is tested with.
+    Until it has learned, all that any load may need counts as load: the torque the brake is tested with, and what an
+    acceleration needs of the largest inertia with which the quick stop is possible, J <= T_max / (i a_quick).
 
     Attributes:
         model: what has been learned; its weights are retained memory.
@@ -32,7 +33,7 @@ class DragWatch:
 
     __slots__ = (
         "_alarms", "_feedback", "_halt_nm", "_holding", "_known", "_lasts", "_load_nm", "_mean_nm", "_mean_share",
-        "_over", "_over_halt", "_rated_nm", "_sample_scans", "_virtual", "_wait", "_warning_nm", "model",
+        "_over", "_over_halt", "_per_acc", "_rated_nm", "_sample_scans", "_virtual", "_wait", "_warning_nm", "model",
     )  # fmt: skip
 
     def __init__(
@@ -53,6 +54,7 @@ class DragWatch:
         self._rated_nm = power.torque_rated_nm
         self._warning_nm, self._halt_nm = _WARNING_SHARE * self._rated_nm, _HALT_SHARE * self._rated_nm
         self._load_nm = power.test_torque_nm
+        self._per_acc = power.torque_max_nm / settings.ramps.quick_dec_rad_s2
         self.model = TorqueModel(settings.law.ratio, power.torque_rated_nm)
         self.begin()
 
@@ -76,7 +78,7 @@ class DragWatch:
         if model.learned:
             excess = sign * (torque_nm - model.expected_nm(pos_rad, vel, acc))
         else:
-            excess = sign * torque_nm - self._load_nm
+            excess = sign * torque_nm - self._load_nm - self._per_acc * max(0.0, sign * acc)
         self._mean_nm += (excess - self._mean_nm) * self._mean_share
         # What drags is not learned.
         if not self._mean_nm > 0.5 * self._warning_nm:

@@ -9,7 +9,7 @@ from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.drag import DragWatch
-from gantryctl.program.monitors.oscillation import SWING_RAD_S, Oscillation
+from gantryctl.program.monitors.oscillation import Oscillation
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
@@ -33,14 +33,50 @@ class Monitors:
     """
 
     __slots__ = (
-        "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
-        "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
-        "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_lead_s", "_look_ahead",
+        "_alarms",
+        "_at_rest",
+        "_band_base",
+        "_band_per_speed",
+        "_brake",
+        "_brake_scans",
+        "_deviation",
+        "_deviation_count",
+        "_deviation_scans",
+        "_dwell",
+        "_dwell_scans",
+        "_error_at_saturation",
+        "_feedback",
+        "_following",
+        "_following_scans",
+        "_holding",
+        "_in_window",
+        "_lead_s",
+        "_look_ahead",
         "_oscillation",
-        "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
-        "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
-        "_standstill_scans", "_tolerance_scans", "_torque_max", "_torque_watch", "_travel", "_trip", "_virtual",
-        "_warning_ratio", "_window", "drag", "in_position", "not_in_position", "rest_scans",
+        "_over_travel_minus",
+        "_over_travel_plus",
+        "_overspeed",
+        "_overspeed_scans",
+        "_period_s",
+        "_ratio",
+        "_saturation",
+        "_saturation_scans",
+        "_settings",
+        "_standstill",
+        "_standstill_scans",
+        "_swing_max",
+        "_tolerance_scans",
+        "_torque_max",
+        "_torque_watch",
+        "_travel",
+        "_trip",
+        "_virtual",
+        "_warning_ratio",
+        "_window",
+        "drag",
+        "in_position",
+        "not_in_position",
+        "rest_scans",
     )  # fmt: skip
 
     def __init__(
@@ -80,6 +116,7 @@ class Monitors:
         self._over_travel_minus = settings.travel.over_travel_min_rad
         self.drag = DragWatch(settings, feedback, virtual, holding, alarms)
         self._oscillation = Oscillation(settings, alarms)
+        self._swing_max = self._oscillation.limit_rad_s
         self._torque_watch = TorqueWatch(settings, feedback, holding, alarms)
         self.reset()
 
@@ -113,7 +150,7 @@ class Monitors:
             self._deviation_count = 0
         self._torque_watch.scan(deviation)
         swing = vel - vel_ref
-        if not -SWING_RAD_S <= swing <= SWING_RAD_S:
+        if not -self._swing_max <= swing <= self._swing_max:
             self._oscillation.scan(swing)
         trip = self._trip
         if not -trip <= vel <= trip:

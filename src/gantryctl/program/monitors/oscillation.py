@@ -7,11 +7,12 @@ from typing import Final
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import deg, rad
+from gantryctl.units import deg
 
-# Beyond this, both ways in turn. On the motor side a sound machine is within 0.02 deg/s of its set-point, swing of the
-# load after a stop included; 0.2 deg/s at 1 Hz is an amplitude of 0.03 deg.
-SWING_RAD_S: Final = rad(0.2)
+# Beyond this part of the permitted deviation of the speed, both ways in turn: 0.2 deg/s on the reference gantry, which
+# is within 0.02 deg/s of its set-point on the motor side, swing of the load after a stop included; 0.2 deg/s at 1 Hz is
+# an amplitude of 0.03 deg. A fixed 0.2 deg/s stopped a sound table whose teeth pass at 60 deg/s.
+_SWING_SHARE: Final = 0.4
 _LASTS_S: Final = 1.0
 # Slower than 1 Hz the following error shows it.
 _HALF_S: Final = 0.5
@@ -20,13 +21,24 @@ _HALF_S: Final = 0.5
 class Oscillation:
     """Counts how long the speed has swung from one side of its set-point to the other.
 
-    `scan` is entered only where the swing passes `SWING_RAD_S`.
+    `scan` is entered only where the swing passes `limit_rad_s`.
     """
 
-    __slots__ = ("_alarms", "_began", "_half_scans", "_lasts_scans", "_period_s", "_scan", "_side", "_turns")
+    __slots__ = (
+        "_alarms",
+        "_began",
+        "_half_scans",
+        "_lasts_scans",
+        "_period_s",
+        "_scan",
+        "_side",
+        "_turns",
+        "limit_rad_s",
+    )
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
         self._alarms = alarms
+        self.limit_rad_s = _SWING_SHARE * settings.monitors.velocity_deviation_rad_s
         self._period_s = settings.period_s
         self._half_scans = settings.scans(_HALF_S)
         self._lasts_scans = settings.scans(_LASTS_S)

@@ -10,23 +10,26 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import ENABLED, Feedback
 from gantryctl.program.power.holding_torque import LEARN_SHARE, HoldingTorque
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import deg, rad
+from gantryctl.units import deg
 
+# Speeds are parts of the permitted deviation of the speed (0.5 deg/s on the reference gantry), torques of the limit
+# (385 N m there), so they go with the axis; the figures are that gantry's.
+#
 # Sound machines with +-20 % on every figure, 16 and 50 kN m, moves, keys and stops: the drive is never more than
 # 0.017 deg/s from its command, 0.026 in taps of a key at the rate of the load's swing. A speed loop that has torque
 # answers a twentieth of a degree per second with 78 N m.
-_DEVIATION_RAD_S: Final = rad(0.05)
+_DEVIATION_SHARE: Final = 0.1
 # A reading of nothing, as part of the rated torque. A swing of the load passes through it in less than 30 ms.
 _NOTHING_SHARE: Final = 0.02
 _LOST_S: Final = 0.050
 # The load swings at 2 Hz, so a mean over 0.3 s takes part in its swing; sound torque leaves this mean by 154 N m at
 # most; eight such taps drive it to the torque limit.
 _MEAN_S: Final = 0.3
-_RISE_NM: Final = 60.0
-_EFFORT_NM: Final = 100.0
+_RISE_SHARE: Final = 60.0 / 385.0
+_EFFORT_SHARE: Final = 100.0 / 385.0
 # Speed that torque above that should have made and did not, at the gantry, after the shaft was off its command. Sound
 # machines: 0.044 deg/s, 0.34 in such taps, where it never is.
-_MISSING_RAD_S: Final = rad(0.15)
+_MISSING_SHARE: Final = 0.3
 # From one scan to the next sound torque changes by 50 N m at most; a shaft that gets or needs so much more at once
 # shows it.
 _LEAP_SHARE: Final = 0.8
@@ -36,7 +39,7 @@ _SWING_S: Final = 0.5
 # A shaft that is started follows within some milliseconds: against a closed brake it creeps at a thirtieth of the
 # command, and in taps of a key that swing the load it passes a tenth of it in less than 5 ms.
 _STANDS_SHARE: Final = 0.1
-_START_RAD_S: Final = rad(0.02)
+_START_SHARE: Final = 0.04
 _START_S: Final = 0.010
 # Mean torque at standstill, as part of the rated torque: more than LEARN_SHARE warns, more than this is a stop.
 _TOO_HEAVY_SHARE: Final = 0.9
@@ -55,10 +58,13 @@ class TorqueWatch:
     """
 
     __slots__ = (
-        "_alarms", "_blocked", "_blocked_scans", "_effort_share", "_feedback", "_heavy", "_heavy_nm",
+        "_alarms", "_blocked", "_blocked_scans", "_deviation_max", "_effort_nm", "_effort_share",
+        "_feedback", "_heavy", "_heavy_nm",
         "_heavy_scans", "_holding", "_known", "_last_nm", "_leap", "_leap_nm", "_leap_scans", "_lost",
-        "_lost_scans", "_mean_nm", "_mean_share", "_minus_scan", "_missing", "_nothing_nm", "_off", "_off_nm",
-        "_off_scans", "_period_s", "_plus_scan", "_pulled", "_rated_nm", "_suspicious", "_swing_scans",
+        "_lost_scans", "_mean_nm", "_mean_share", "_minus_scan", "_missing",
+        "_missing_max", "_nothing_nm", "_off", "_off_nm",
+        "_off_scans", "_period_s", "_plus_scan", "_pulled", "_rated_nm", "_rise_nm", "_start",
+        "_suspicious", "_swing_scans",
         "_vel_start",
     )  # fmt: skip
 
@@ -75,6 +81,12 @@ class TorqueWatch:
         self._rated_nm = power.torque_rated_nm
         self._heavy_nm = LEARN_SHARE * power.torque_rated_nm
         self._heavy_scans = settings.scans(_HEAVY_S)
+        deviation = settings.monitors.velocity_deviation_rad_s
+        self._deviation_max, self._missing_max = _DEVIATION_SHARE * deviation, _MISSING_SHARE * deviation
+        self._start = _START_SHARE * deviation
+        self._rise_nm, self._effort_nm = (
+            share * power.torque_max_nm for share in (_RISE_SHARE, _EFFORT_SHARE)
+        )
         self._leap_nm = _LEAP_SHARE * power.torque_rated_nm
         self._leap_scans = settings.scans(_LEAP_S)
         self._lost_scans = settings.scans(_LOST_S)
@@ -103,8 +115,8 @@ class TorqueWatch:
         rise_nm = torque_nm - self._mean_nm
         self._mean_nm += rise_nm * self._mean_share
         if (
-            -_DEVIATION_RAD_S <= deviation_rad_s <= _DEVIATION_RAD_S
-            and -_RISE_NM <= rise_nm <= _RISE_NM
+            -self._deviation_max <= deviation_rad_s <= self._deviation_max
+            and -self._rise_nm <= rise_nm <= self._rise_nm
             and not self._lost
             and self._holding.believed
         ):
@@ -149,7 +161,7 @@ class TorqueWatch:
 
     def _suspect(self, torque_nm: float, rise_nm: float, deviation_rad_s: float) -> None:
         feedback, believed = self._feedback, self._holding.believed
-        off_command = not -_DEVIATION_RAD_S <= deviation_rad_s <= _DEVIATION_RAD_S
+        off_command = not -self._deviation_max <= deviation_rad_s <= self._deviation_max
         # A reading that is not believed may hide that there is nothing: then the speed alone decides.
         nothing = not believed or -self._nothing_nm <= torque_nm <= self._nothing_nm
         self._lost = feedback.lasting(self._lost) if off_command and nothing else 0
@@ -169,8 +181,8 @@ class TorqueWatch:
             return
         vel = feedback.vel_rad_s
         command = vel - deviation_rad_s
-        stands = abs(command) > _START_RAD_S and abs(vel) < _STANDS_SHARE * abs(command)
-        pushes = rise_nm * command > 0.0 and abs(rise_nm) > _RISE_NM
+        stands = abs(command) > self._start and abs(vel) < _STANDS_SHARE * abs(command)
+        pushes = rise_nm * command > 0.0 and abs(rise_nm) > self._rise_nm
         self._blocked = feedback.lasting(self._blocked) if stands and pushes else 0
         if self._leap and not self._pulled:
             self._leap = feedback.lasting(self._leap)
@@ -178,7 +190,7 @@ class TorqueWatch:
             self._without_effect(torque_nm, vel, command)
         elif self._leap > self._leap_scans and not self._pulled:
             self._wrong_reading(Words.TORQUE_WITHOUT_EFFECT(change=rise_nm, torque=torque_nm))
-        elif -_EFFORT_NM <= rise_nm <= _EFFORT_NM:
+        elif -self._effort_nm <= rise_nm <= self._effort_nm:
             self._missing = 0.0
         else:
             self._effort(rise_nm, vel, command)
@@ -192,12 +204,12 @@ class TorqueWatch:
             sign, self._plus_scan, opposite = 1.0, now, self._minus_scan
         else:
             sign, self._minus_scan, opposite = -1.0, now, self._plus_scan
-        self._missing += (abs(rise_nm) - _EFFORT_NM) * self._effort_share * self._feedback.periods
+        self._missing += (abs(rise_nm) - self._effort_nm) * self._effort_share * self._feedback.periods
         missing = self._missing - sign * (vel - self._vel_start)
         # Where the shaft was held back and the torque answered. With a load that helps, the motor turns the shaft
         # against a closed brake and is back at its command. A load that swings pulls both ways in turn.
         swings = now - opposite < self._swing_scans
-        if self._pulled and missing > _MISSING_RAD_S and not swings:
+        if self._pulled and missing > self._missing_max and not swings:
             self._without_effect(self._feedback.torque_nm, vel, command)
 
     def _without_effect(self, torque_nm: float, vel: float, command: float) -> None:
@@ -206,7 +218,7 @@ class TorqueWatch:
             self._feedback.report_frozen(0.0)
             return
         # A shaft held at rest that turns against its torque is read with the wrong sign.
-        if abs(command) <= _START_RAD_S and torque_nm * vel < 0.0:
+        if abs(command) <= self._start and torque_nm * vel < 0.0:
             words = Words.GROWS_AGAINST(speed=deg(abs(vel)), torque=torque_nm)
             self._feedback.doubt(Code.ENC_12, measured=words)
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from gantryctl.engineering.faults.kinds.kind import Argument, Place, Table, Undo, enters, standing
@@ -24,6 +25,7 @@ INPUTS: Final = (
 )
 _NUMBER: Final = Argument(float, -1e12, 1e12)
 _SHARE: Final = Argument(float, 0.0, 1.0)
+_RATED: Final = Argument(float, -100.0, 100.0)
 
 # --- encoder ---------------------------------------------------------------------------------------------------------
 
@@ -79,10 +81,10 @@ def _torque_limit(target: Target, share: float) -> Undo:
     return standing(target, "torque_limit_share", float(share))
 
 
-@kind(Place.DRIVE, "torque_reading", offset_nm=Argument(float, -1e6, 1e6))
-def _torque_reading(target: Target, offset_nm: float) -> Undo:
-    """Reported torque is off by this."""
-    return standing(target, "torque_offset", float(offset_nm))
+@kind(Place.DRIVE, "torque_reading", limit_share=_RATED)
+def _torque_reading(target: Target, limit_share: float) -> Undo:
+    """Reported torque is off by this part of the torque limit."""
+    return standing(target, "torque_offset", limit_share * target.machine.motor.torque_max_nm)
 
 
 @kind(Place.DRIVE, "sign")
@@ -221,9 +223,38 @@ def _set(target: Target, name: str, value: float) -> Undo:
     return lambda: target.change_plant(name, before)
 
 
+@kind(
+    Place.PLANT,
+    "motor_friction",
+    beyond_load_share=_RATED,
+    over_s=Argument(float, 1e-3, 3600.0, default=1e-3),
+)
+def _motor_friction(target: Target, beyond_load_share: float, over_s: float) -> Undo:
+    """Friction of the motor grows until its torque is what any load asks for (the torque the brake is tested with) and
+    this part of the rated torque.
+    """
+    machine, engine = target.machine, target.engine
+    feedback = engine.image.drive
+    now_nm = math.copysign(1.0, feedback.vel_act_rad_s) * feedback.torque_act_nm
+    beyond_nm = machine.brake.test_torque_nm + beyond_load_share * machine.motor.torque_rated_nm - now_nm
+    return _to_value(target, "motor_coulomb_nm", target.plant_value("motor_coulomb_nm") + beyond_nm, over_s)
+
+
+@kind(Place.PLANT, "load_shift", rated_share=_RATED, over_s=Argument(float, 1e-3, 3600.0))
+def _load_shift(target: Target, rated_share: float, over_s: float) -> Undo:
+    """Eccentric moment goes to this part of the rated torque, at the axis, in a time."""
+    machine = target.machine
+    moment_nm = rated_share * machine.motor.torque_rated_nm * machine.axis.ratio
+    return _to_value(target, "eccentric_moment_nm", moment_nm, over_s)
+
+
 @kind(Place.PLANT, "ramp", name=Argument(str), value=_NUMBER, over_s=Argument(float, 1e-3, 3600.0))
 def _ramp(target: Target, name: str, value: float, over_s: float) -> Undo:
     """Parameter of the plant goes to a value in a time."""
+    return _to_value(target, name, value, over_s)
+
+
+def _to_value(target: Target, name: str, value: float, over_s: float) -> Undo:
     before, engine = target.plant_value(name), target.engine
     begin_s, key = engine.time_s, f"ramp {name}"
 
