@@ -59,13 +59,13 @@ def test_the_conditions_of_the_reference_gantry_are_its_highest_speed_where_its_
 def test_limits_on_the_reference_gantry_are_those_that_its_plant_was_computed_to() -> None:
     """Torque off 0.45, 1.4, 3.6 deg and in doubt 0.8, 2.1, 4.5 deg at 1, 3, 6 deg/s; 0.35 and 0.15 deg at rest.
 
-    A tenth, and 0.06 deg for what a following error sees, 0.12 after a drive has run away.
+    A tenth, and 0.06 deg for what a following error sees, 0.12 and 0.08 after a drive has run away.
     """
     machine = default_machine()
     for speed, off, doubt in ((1.0, 0.45, 0.8), (3.0, 1.4, 2.1), (6.0, 3.6, 4.5)):
         assert limit_deg(machine, ReactionClass.TORQUE_OFF, speed) == pytest.approx(off, rel=0.1, abs=0.06)
         assert limit_deg(machine, ReactionClass.FEEDBACK, speed) == pytest.approx(doubt, rel=0.1, abs=0.12)
-    assert standstill_deg(machine) == pytest.approx(0.35, abs=0.06)
+    assert standstill_deg(machine) == pytest.approx(0.35, abs=0.08)
     assert brake_slip_deg(machine) == pytest.approx(0.15, abs=0.03)
 
 

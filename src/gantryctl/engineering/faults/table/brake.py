@@ -130,7 +130,7 @@ BRAKE: Final = (
     Row(
         "C10",
         "Brake closes in motion, its contact says open",
-        "torque of 100 N m and more without its effect on the speed",
+        "torque of a quarter of the limit (100 N m) and more without its effect on the speed",
         "torque off and brake",
         (Code.BRK_14,),
         at(

@@ -114,7 +114,7 @@ CONTROL: Final = (
     Row(
         "B9",
         "Oscillation by gains or backlash",
-        "speed crosses its set-point to both sides by 0.2 deg/s for 1 s",
+        "speed crosses its set-point to both sides by 0.4 of its permitted deviation (0.2 deg/s) for 1 s",
         "quick stop",
         (Code.CTL_08,),
         at(

@@ -81,7 +81,7 @@ DRIVE: Final = (
     Row(
         "D7",
         "Quick stop not obeyed",
-        "speed above the envelope of the ramp by 0.5 deg/s for 50 ms",
+        "speed above the envelope of the ramp by its permitted deviation (0.5 deg/s) for 50 ms",
         "torque off and brake",
         (Code.DRV_07,),
         (
