@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.errors import DeviceError
 from gantryctl.machine import default_machine_path
 from gantryctl.service.recorder.journal.reading import read_journal
 from support.service_process import PATIENCE_S, Service, add_users
@@ -47,12 +48,17 @@ def controller_of(service: Service) -> str:
     return "no answer"
 
 
+def journal_of(service: Service) -> str:
+    """All texts; none while the recorder is still starting."""
+    with suppress(DeviceError):
+        return " ".join(row.values["text"] for row in read_journal(service.directory))
+    return ""
+
+
 def until(service: Service, text: str) -> None:
     """Wait until the journal has a text and the page says that the controller lives."""
     end_s = time.monotonic() + PATIENCE_S
-    while controller_of(service) != "ok" or not any(
-        text in row.values["text"] for row in read_journal(service.directory)
-    ):
+    while controller_of(service) != "ok" or text not in journal_of(service):
         assert time.monotonic() < end_s, service.errors()
 
 
