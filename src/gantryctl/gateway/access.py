@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from typing import Final
+from weakref import WeakValueDictionary
 
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection, Request
@@ -40,6 +41,8 @@ class Access:
         self._consoles = Consoles()
         # scrypt with n = 2^15 takes 32 MB and 0.1 s of a processor: one check at a time (decision 0011).
         self._checking = asyncio.Semaphore(1)
+        # And of a peer one waits for that: others have their turn after it, however many guesses it has sent.
+        self._turns: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
 
     def session(self, connection: HTTPConnection) -> Session | None:
         """The session of a request."""
@@ -95,7 +98,7 @@ class Access:
         """Check name and password; a cookie, or why not."""
         address, account = address_of(request.scope), name[:64]
         pair = (account, peer_of(request.scope))
-        async with self._checking:
+        async with self._turns.setdefault(pair[1], asyncio.Lock()), self._checking:
             # Judged inside: an attempt that waited here comes after the failures before it.
             wait_s = self.locks.wait_s(*pair)
             if wait_s > 0.0:

@@ -58,6 +58,23 @@ def test_guesses_at_the_same_time_count_one_after_the_other(access: Access) -> N
     assert found == {401: FAILURES, 429: 36 - FAILURES}
 
 
+def test_guesses_of_one_peer_keep_no_other_one_waiting(access: Access) -> None:
+    """Each of another account, so that none is locked out: 0.1 s of a processor for every one."""
+    done: list[str] = []
+
+    async def log_in(address: str, name: str, password: str) -> None:
+        await access.log_in(asking(address), name, password)
+        done.append(address)
+
+    async def all_at_once() -> None:
+        crowd = [log_in("192.0.2.7", f"name{n}", "wrong") for n in range(8)]
+        await asyncio.gather(*crowd, log_in("192.0.2.8", "anna", PASSWORD))
+
+    asyncio.run(all_at_once())
+    assert done.index("192.0.2.8") <= 1
+    assert len(done) == 9
+
+
 def test_a_whole_network_of_ipv6_is_one_guesser(access: Access) -> None:
     async def guesses() -> list[int]:
         tries = [asking(f"2001:db8::{n}") for n in range(1, FAILURES + 2)]
