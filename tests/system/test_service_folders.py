@@ -101,4 +101,5 @@ def test_no_module_of_the_folder_is_imported_and_its_paths_lead_where_they_shoul
         "key.pem",
         "machine.toml",
         "state",
+        "state-keys",
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.machine import default_machine
+from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.writer import Journal
 from support.command_line import cli, done, refused
 
@@ -107,8 +108,10 @@ def test_serve_refuses_every_secret_that_others_can_read_in_one_go(
     done("user", "add", "anna", "--role", "operator")
     folder = root / default_machine().name / "opcua"
     folder.mkdir(parents=True)
-    exposed = [root / "users.json", folder / "key.pem"]
-    exposed[1].write_text("secret")
+    exposed = [root / "users.json", folder / "key.pem", places_of(folder.parent).key]
+    exposed[2].parent.mkdir(parents=True)
+    for file in exposed[1:]:
+        file.write_text("secret")
     for file in exposed:
         file.chmod(0o644)
     answer = cli("serve", "--no-page")

@@ -1,4 +1,4 @@
-"""Files with a secret: private keys, and the users with the hashes of their passwords."""
+"""Files with a secret: keys, and the users with the hashes of their passwords."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import shlex
 import stat
 from pathlib import Path
 
+from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.supervisor.users import FILE
 
 
@@ -17,7 +18,7 @@ def private_files(root: Path, directory: Path, tls_key: Path | None) -> list[Pat
     Args:
         root: state root. directory: state directory of the machine. tls_key: private key of the page.
     """
-    found = [root / FILE, directory / "opcua" / "key.pem"]
+    found = [root / FILE, directory / "opcua" / "key.pem", places_of(directory).key]
     return found if tls_key is None else [*found, tls_key]
 
 
