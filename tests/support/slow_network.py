@@ -86,7 +86,7 @@ class Screen:
 
     def __init__(self, plant: Axis, network: Network) -> None:
         self._plant = plant
-        self.client: Client = plant.hub.connect("anna", Role.OPERATOR, "console")
+        self.client: Client = plant.hub.connect("anna", Role.OPERATOR, plant.place)
         self.to_screen = Way(network, plant.random)
         self.to_service = Way(network, plant.random)
         self.mark, self.epoch, self.lease = "", 0, ""
@@ -170,6 +170,9 @@ class Screen:
 class Axis:
     """One axis behind a hub, and screens.
 
+    Args:
+        source: of the hub, page or local socket.
+
     Attributes:
         told: frames of this gesture, by their time of issue, ms.
         starts: how often the set-point began to move in this gesture. moving: it moves.
@@ -182,6 +185,7 @@ class Axis:
         speed_deg_s: float,
         *,
         machine: Machine = MACHINE,
+        source: Source = Source.WEB,
         seed: int = 1,
     ) -> None:
         lease_ms = machine.monitors.lease_ms
@@ -192,7 +196,8 @@ class Axis:
         self.bench = Bench(machine=machine, memory=memory)
         self.bench.lively = False
         self.lease_s, self.speed_deg_s = lease_ms * 1e-3, speed_deg_s
-        self.hub = Hub(memory, Source.WEB, now=lambda: self.time_s)
+        self.hub = Hub(memory, source, now=lambda: self.time_s)
+        self.place = "local" if source is Source.LOCAL else "console"
         self.told: dict[int, Told] = {}
         self.screens: list[Screen] = []
         self.starts = 0

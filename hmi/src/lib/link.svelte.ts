@@ -164,8 +164,8 @@ class Link {
       this.history.add(this.tags);
     }
     this.#judge();
-    // At once with a frame: the controller measures the round trip by it.
-    if (this.mine && now - this.#aliveAt > ALIVE_MS) {
+    // At once with a fresh frame: the controller measures the round trip by it, and takes no old ones.
+    if (this.mine && !this.stale && now - this.#aliveAt > ALIVE_MS) {
       this.#aliveAt = now;
       this.post('alive', {});
     }

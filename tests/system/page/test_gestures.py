@@ -1,4 +1,7 @@
-"""Hold-to-run under chance: random presses, ends and failures of the network. Every one of them ends at rest."""
+"""Hold-to-run under chance: random presses, ends and failures of a slow network. Every one of them ends at rest.
+
+On a quiet machine: `pytest -m slow tests/system/page/test_gestures.py`; the figures go to `docs/evidence`.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,11 @@ from support.browser import SIZE, Proxy, enter, farthest_deg, look_on, press, re
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
-SEQUENCES = 100
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(5400)]
+SEQUENCES = 300
 FREEZES = 10
+LAGS_S = (0.0, 0.005, 0.010, 0.020, 0.040)
+"""One way: up to 80 ms there and back, where every press is taken."""
 SLOWEST_STOP_S = 0.25 + 0.05 + 0.7
 """Lease, one frame until it is seen, and the jog-release ramp from 0.6 deg/s with its jerk (0.62 s, `stops`)."""
 Evidence = Callable[[str, dict[str, object]], None]
@@ -25,13 +30,13 @@ def _synthetic(name: str) -> Callable[[Page], object]:
 
 
 def _key_event(name: str) -> Callable[[Page], object]:
-    return lambda page: page.locator("[data-hold=forward]").dispatch_event(name)
+    return lambda page: page.locator("[data-hold][aria-pressed=true]").dispatch_event(name)
 
 
 ENDINGS: dict[str, Callable[[Page], object]] = {
     "button up": lambda page: page.mouse.up(),
     "drawn away, button up": lambda page: (page.mouse.move(5, 700), page.mouse.up()),
-    "other key": lambda page: page.locator("[data-hold=reverse]").dispatch_event(
+    "other key": lambda page: page.locator("[data-hold][aria-pressed=false]").dispatch_event(
         "pointerdown", {"button": 0}
     ),
     "Esc": lambda page: page.keyboard.press("Escape"),
@@ -77,33 +82,43 @@ def test_every_random_gesture_ends_at_rest(
     person = Person(browser, page_service, watcher, proxy)
     page: Page | None = None
     worst_s, counts = 0.0, dict.fromkeys([*ENDINGS, "freeze"], 0)
+    lags = dict.fromkeys(LAGS_S, 0)
     for number in range(SEQUENCES):
+        proxy.lag_s = chance.choice(LAGS_S)
+        lags[proxy.lag_s] += 1
         page = person.ready(page)
         ending = chance.choice(list(counts))
         counts[ending] += 1
-        press(page)
+        # Back and forth: 300 presses one way would use the cable up.
+        sign = 1.0 if watcher.look()["pos_ref_deg"] < 0.0 else -1.0
+        press(page, "forward" if sign > 0.0 else "reverse")
         until_moving(watcher)
         look_on(watcher, chance.randrange(6))
         if ending == "freeze":
-            farthest = farthest_deg(watcher)
+            farthest = farthest_deg(watcher, sign=sign)
             proxy.frozen_for(chance.uniform(0.4, 1.2))
         else:
             ENDINGS[ending](page)
-            farthest = farthest_deg(watcher)
+            farthest = farthest_deg(watcher, sign=sign)
         began_s = watcher.tags["time_s"]
         watcher.until(lambda tags: tags["at_rest"])
-        assert watcher.tags["pos_ref_deg"] <= farthest, (number, ending)
+        assert sign * watcher.tags["pos_ref_deg"] <= sign * farthest, (number, ending)
         worst_s = max(worst_s, watcher.tags["time_s"] - began_s)
         assert set(look_on(watcher, 10)) == {0.0}, (number, ending)
         if not page.is_closed():
             page.locator("[data-stale=false]").wait_for()
             page.mouse.up()
-        if watcher.tags["pos_ref_deg"] > 150.0:
-            pytest.fail("the cable is used up: fewer sequences or a lower speed")
+    proxy.lag_s = 0.0
     if person.context is not None:
         person.context.close()
     evidence(
-        "page_gestures", {"sequences": SEQUENCES, "endings": counts, "longest_stop_s": round(worst_s, 3)}
+        "page_gestures",
+        {
+            "sequences": SEQUENCES,
+            "round_trips_ms": {f"{2e3 * lag_s:.0f}": n for lag_s, n in lags.items()},
+            "endings": counts,
+            "longest_stop_s": round(worst_s, 3),
+        },
     )
     assert worst_s <= SLOWEST_STOP_S
 
@@ -111,20 +126,31 @@ def test_every_random_gesture_ends_at_rest(
 def test_how_short_a_freeze_it_survives(
     context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy, evidence: Evidence
 ) -> None:
-    """60, 120 and 200 ms ten times each. 200 ms leaves 20 ms of the lease: a busy machine may need them."""
+    """Ten of each length at 0, 20 and 40 ms there and back: 60 and 120 ms stop nothing, 400 ms always does, once.
+
+    200 ms may stop it: the first renewals after it name frames of just that age.
+    """
+    found: dict[str, dict[str, int]] = {}
     page = enter(context, page_service, "operator", frozen=True)
     ready_to_jog(page)
-    stops = dict.fromkeys((60, 120, 200), 0)
-    for frozen_ms in stops:
-        for _ in range(FREEZES):
-            if page.locator("[data-hold=forward]").get_attribute("aria-pressed") != "true":
-                watcher.until(lambda tags: tags["at_rest"])
-                page.mouse.up()
-                press(page)
-                until_moving(watcher)
-            proxy.frozen_for(frozen_ms / 1000)
-            stops[frozen_ms] += min(look_on(watcher, 12)) == 0.0
+    for lag_s in (0.0, 0.010, 0.020):
+        proxy.lag_s = lag_s
+        stops = found[f"{2e3 * lag_s:.0f}"] = dict.fromkeys(("60", "120", "200", "400"), 0)
+        for frozen_ms in stops:
+            for _ in range(FREEZES):
+                held = page.locator("[data-hold][aria-pressed=true]")
+                if not held.count() or abs(watcher.tags["pos_ref_deg"]) > 170.0:
+                    page.mouse.up()
+                    watcher.until(lambda tags: tags["at_rest"])
+                    press(page, "reverse" if watcher.tags["pos_ref_deg"] > 0.0 else "forward")
+                    until_moving(watcher)
+                proxy.frozen_for(float(frozen_ms) / 1000)
+                speeds = [abs(speed) for speed in look_on(watcher, 12 + int(frozen_ms) // 50)]
+                stops[frozen_ms] += min(speeds) == 0.0
+                # At rest it stays so.
+                assert 0.0 not in speeds or set(speeds[speeds.index(0.0) :]) == {0.0}
     page.mouse.up()
-    evidence("page_freezes", {"freezes_each": FREEZES, "stops": {str(ms): n for ms, n in stops.items()}})
-    assert (stops[60], stops[120]) == (0, 0)
-    assert stops[200] <= FREEZES // 2
+    proxy.lag_s = 0.0
+    evidence("page_freezes", {"freezes_each": FREEZES, "stops_by_round_trip_and_freeze_ms": found})
+    for stops in found.values():
+        assert (stops["60"], stops["120"], stops["400"]) == (0, 0, FREEZES)

@@ -22,7 +22,7 @@ from gantryctl.service.clients import hub
 from gantryctl.service.command import frame_clock
 from gantryctl.service.command.frame_clock import FrameClock
 from gantryctl.service.command.lease import HoldToRun
-from gantryctl.service.memory.memory import SharedMemory
+from gantryctl.service.memory.memory import SharedMemory, Source
 from support.service_bench import MACHINE
 from support.slow_network import (
     ENDINGS,
@@ -142,7 +142,8 @@ def test_every_network_with_every_lease_and_ramp(
 ) -> None:
     campaign, networks = Campaign(memory), all_networks()
     for number, (ramp, lease_ms) in enumerate(itertools.product(range(len(RAMPS)), LEASES_MS)):
-        campaign.run(ramp, lease_ms, 1.0, networks, number)
+        # Scans of 1 ms with the lease as shipped; longer ones take a third of the time.
+        campaign.run(ramp, lease_ms, 1.0 if lease_ms == 250.0 else 4.0, networks, number)
     evidence(
         "hold_to_run_network",
         {
@@ -193,6 +194,16 @@ def test_above_150_ms_there_and_back_a_press_is_refused_in_words(
         found = gesture(axis, screen, Gesture(0.6, "released"), RAMP_S)
         assert found.refused == refused
         assert found.starts == (refused == "")
+
+
+@pytest.mark.parametrize("source", [Source.WEB, Source.LOCAL])
+def test_page_and_local_socket_follow_the_same_rule(source: Source, memory: SharedMemory) -> None:
+    axis = Axis(memory, 0.6, machine=with_values(MACHINE, {"control.scan_period_ms": 4.0}), source=source)
+    screen = axis.sit_down(Network())
+    for ending in ENDINGS:
+        found = gesture(axis, screen, Gesture(0.6, ending), RAMP_S)
+        assert not violations(found, 0.004)
+        assert found.starts == 1
 
 
 def test_what_a_freeze_does_is_told_to_nobody_as_a_refusal(memory: SharedMemory) -> None:
@@ -300,7 +311,7 @@ class FromATimer(Liar):
 
 
 class HonestButLate(Screen):
-    """A page as it should be: 75 ms away each way."""
+    """A page as it should be, 70 ms away each way."""
 
 
 def believes_the_time(patch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ def _table(machine: Machine, speeds: tuple[float, ...], out: Path | None, as_jso
     from gantryctl.engineering.stops.data import stops_data
     from gantryctl.engineering.stops.measured import measured_stops
     from gantryctl.engineering.stops.page import quick_within, render_stops
-    from gantryctl.engineering.stops.text import stops_note, stops_text, watch_lines
+    from gantryctl.engineering.stops.text import key_lines, stops_note, stops_text, watch_lines
     from gantryctl.operation.store import state_root
 
     rows = stop_table(machine, speeds or None)
@@ -89,7 +89,7 @@ def _table(machine: Machine, speeds: tuple[float, ...], out: Path | None, as_jso
     else:
         print_table(stops_text(rows))
         click.echo(stops_note(machine, measured))
-        for line in watch_lines(machine, rows):
+        for line in (*key_lines(machine, rows), *watch_lines(machine, rows)):
             click.echo(line)
     if out is not None:
         page = write_text(

@@ -7,6 +7,7 @@ from typing import Any
 
 from gantryctl.engineering.report.data import plain
 from gantryctl.engineering.report.origin import Origin
+from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
@@ -28,5 +29,6 @@ def stops_data(machine: Machine, rows: Sequence[StopRow], measured: MeasuredStop
             }
             for row in rows
         ],
+        "held_key": [row._asdict() for row in key_rows(machine, rows)],
         "silent_controller": [row._asdict() for row in watch_rows(machine, rows)],
     }

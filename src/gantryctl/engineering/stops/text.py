@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
@@ -64,6 +65,15 @@ def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
             line += f": a drive with this watch alone is held to {row.speed_max_deg_s:.1f} deg/s"
         lines.append(line)
     return lines
+
+
+def key_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
+    """The stops of a held key whose page or network is gone, a line for each speed."""
+    return [
+        f"held key, nothing of its page any more: {row.angle_deg:.2f} deg and {row.time_s:.2f} s after the last picture "
+        f"from {row.speed_deg_s:.1f} deg/s (lease of {machine.monitors.lease_ms:g} ms, then the ramp)"
+        for row in key_rows(machine, rows)
+    ]
 
 
 def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:

@@ -12,10 +12,11 @@ from gantryctl.engineering.stops import (
     stop_table,
     worst_stop,
 )
+from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.limits import hardest_quick_stop
 from gantryctl.engineering.stops.run import StopCase, within_ratings, worst_of, worst_stops
 from gantryctl.engineering.stops.silence import watch_rows
-from gantryctl.engineering.stops.text import watch_lines
+from gantryctl.engineering.stops.text import key_lines, watch_lines
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.machine.rules.reaction import REACTION_S
@@ -61,6 +62,16 @@ def test_a_silent_controller_costs_the_delay_of_the_watch_that_sees_it() -> None
     )
     # A simulated drive has no bus and no watch.
     assert watch_rows(MACHINE, table) == ()
+
+
+def test_a_held_key_without_its_page_goes_on_for_the_lease() -> None:
+    """0.25 s are 1.50 deg of 6 deg/s."""
+    table = stop_table(MACHINE, (6.0,))
+    (jog,) = [row.stop for row in table if row.stop.stop_class is StopClass.JOG_RELEASE]
+    (row,) = key_rows(MACHINE, table)
+    assert row.angle_deg - jog.angle_deg == pytest.approx(1.5)
+    assert row.time_s - jog.time_s == pytest.approx(0.25)
+    assert f"{row.angle_deg:.2f} deg" in key_lines(MACHINE, table)[0]
 
 
 @pytest.mark.parametrize("speed", [0.6, 3.0, 6.0])

@@ -71,6 +71,11 @@ PEOPLE: Final = (
                 "test_press_and_release_in_a_freeze_start_nothing",
             ),
             *at(_KEYS, "test_a_long_freeze_stops_it_once_and_for_good"),
+            *at(
+                "system/page/test_slow_network.py",
+                "test_with_40_ms_there_and_back_a_key_moves_and_stops",
+                "test_with_200_ms_a_press_is_refused_and_the_page_says_why_and_what_to_do",
+            ),
         ),
     ),
     Row(
