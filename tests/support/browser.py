@@ -167,9 +167,7 @@ def look_on(watcher: Watcher, frames: int) -> list[float]:
     return [watcher.look()["vel_ref_deg_s"] for _ in range(frames)]
 
 
-def farthest_deg(
-    watcher: Watcher, lease_s: float = 0.25, late_s: float = 0.15, sign: float = 1.0
-) -> float:
+def farthest_deg(watcher: Watcher, lease_s: float = 0.25, late_s: float = 0.15, sign: float = 1.0) -> float:
     """Where the axis must have come to rest from now on: lease, two frames and a busy machine, then the ramp.
 
     The lease may live 250 ms; what is read is up to 50 ms old, and so is the stopping angle.

@@ -15,7 +15,10 @@ from support.service_process import Page as Watcher
 from support.service_process import Service
 
 READY_TO_JOG = {"en-GB": ("Take control", "Power on", "continuous"), "zh-CN": ("取得控制权", "上电", "连续")}
-TOO_SLOW = {"en-GB": "limit 150 ms for a held key: use a nearer screen", "zh-CN": "按住运行的限值为 150 ms：请使用更近的屏幕"}
+TOO_SLOW = {
+    "en-GB": "limit 150 ms for a held key: use a nearer screen",
+    "zh-CN": "按住运行的限值为 150 ms：请使用更近的屏幕",
+}
 
 
 @pytest.fixture
@@ -60,6 +63,8 @@ def test_with_200_ms_a_press_is_refused_and_the_page_says_why_and_what_to_do(
         page.get_by_role("button", name=continuous, exact=True).click()
         page.locator("[data-hold=forward]:enabled").wait_for()
         press(page)
-        expect(page.get_by_role("status").filter(has_text=TOO_SLOW[language])).to_have_count(2)  # at the key, and below
+        expect(page.get_by_role("status").filter(has_text=TOO_SLOW[language])).to_have_count(
+            2
+        )  # at the key, and below
         assert set(look_on(watcher, 20)) == {0.0}
         page.mouse.up()

@@ -70,7 +70,7 @@ def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
 def key_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
     """The stops of a held key whose page or network is gone, a line for each speed."""
     return [
-        f"held key, nothing of its page any more: {row.angle_deg:.2f} deg and {row.time_s:.2f} s after the last picture "
+        f"held key whose page is gone: {row.angle_deg:.2f} deg and {row.time_s:.2f} s after the last picture "
         f"from {row.speed_deg_s:.1f} deg/s (lease of {machine.monitors.lease_ms:g} ms, then the ramp)"
         for row in key_rows(machine, rows)
     ]
