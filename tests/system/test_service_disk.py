@@ -64,10 +64,11 @@ def use_up(service: Service, page: Page, disk: Path) -> None:
     fill(disk, RetentionPolicy().event_reserve_mb - 10)
     page.until(lambda tags: tags["journal_state"] == "full")
     fill(disk, 0)
-    while page.tags["journal_state"] != "failed":
-        assert page.refused("move", target_deg=1.0) == "JRN-02"
-        # An event each time: what the journal has of the disk takes some of them yet.
-        with service.page("viewer"):
+    with service.page("service") as other:
+        while page.tags["journal_state"] != "failed":
+            assert page.refused("move", target_deg=1.0) == "JRN-02"
+            # An event each time: what the journal has of the disk takes some of them yet.
+            other.do("arm", action="brake_test")
             page.look()
     assert page.tags["vel_act_deg_s"] > 0.3  # and the axis has gone on all the time
     page.until(lambda tags: tags["in_position"])
@@ -120,4 +121,34 @@ def test_a_damaged_journal_is_kept_aside_and_nothing_moves_until_service_has_see
     texts = [row.values["text"] for row in read_journal(service.directory)]
     assert texts[0].startswith("JRN-05")
     assert "the damaged journal was acknowledged by service" in texts
+    assert verify(service.directory).wrong == ""
+
+
+def test_a_state_directory_that_is_moved_away_locks_new_motion_and_ends_no_process(tmp_path: Path) -> None:
+    """What moves goes on; back in its place, and read by service, the service goes on with everything it had."""
+    add_users(tmp_path)
+    away = tmp_path / "away"
+    with Service(tmp_path) as service, service.page("service") as page:
+        before = [service.child(name) for name in ("controller", "recorder", "gateway")]
+        page.power_up()
+        page.do("set", tag="speed_setting_deg_s", value=1.0)
+        page.do("move", target_deg=6.0)
+        page.until(lambda tags: tags["vel_act_deg_s"] > 0.3)
+        service.directory.rename(away)
+        page.until(lambda tags: tags["journal_state"] == "locked")
+        page.until(lambda tags: tags["in_position"])
+        assert page.tags["pos_act_deg"] == pytest.approx(6.0, abs=0.005)  # the in-position window
+        assert page.refused("move", target_deg=1.0) == "JRN-02"
+        page.do("power", on=False)
+        page.until(lambda tags: tags["power_phase"] == "off")
+        assert not (service.directory / "retain.a.json").exists()  # nothing is begun anew
+        away.rename(service.directory)
+        page.do("arm", action="reset_locked")
+        page.do("reset")
+        page.until(lambda tags: tags["journal_state"] == "ok")
+        page.do("power", on=True)
+        assert [service.child(name) for name in ("controller", "recorder", "gateway")] == before
+    texts = [row.values["text"] for row in read_journal(service.directory)]
+    assert any(text.startswith("JRN-07") for text in texts)
+    assert any(text.startswith("the state was not kept: state directory") for text in texts)
     assert verify(service.directory).wrong == ""

@@ -176,7 +176,9 @@ class StateStore:
         return self._memory.load()
 
     def store_retained(self, record: Retained) -> None:
-        """Keep the controller's memory."""
+        """Keep the controller's memory; StateError where the directory is no longer the one that is held."""
+        # A directory that was moved away is not begun anew: it may come back, and would then be another one.
+        self._lock.check()
         self._memory.store(record)
 
     def load_plant(self) -> tuple[dict[str, float], bool] | None:
@@ -198,13 +200,15 @@ class StateStore:
             ) from fault
 
     def store_plant(self, state: dict[str, float]) -> None:
-        """Keep the simulated plant."""
+        """Keep the simulated plant, as `store_retained`."""
+        self._lock.check()
         # Python writes the shortest decimal that reads back as the same float: the state survives bit for bit.
         text = json.dumps({"plant": self._plant_hash, "state": state}, allow_nan=False, indent=1)
         write_whole(self.directory / _PLANT_FILE, text, private=True)
 
     def store_bus(self, lines: Sequence[str]) -> None:
-        """Keep what a run has counted on the bus."""
+        """Keep what a run has counted on the bus, as `store_retained`."""
+        self._lock.check()
         text = json.dumps({"ended": now_text(), "lines": list(lines)}, indent=1)
         write_whole(self.directory / _BUS_FILE, text, private=True)
 

@@ -51,6 +51,23 @@ class StateLock:
         self._handle = handle
         return self
 
+    def check(self) -> None:
+        """Check that the directory is still the one that is held; nothing where none is.
+
+        Raises:
+            StateError: it was moved away, removed or replaced while it was in use.
+        """
+        if self._handle < 0:
+            return
+        try:
+            same = os.path.samestat(os.stat(self.directory / _FILE), os.fstat(self._handle))
+        except OSError:
+            same = False
+        if not same:
+            raise StateError(
+                f"state directory {self.directory} was moved away or replaced while it was in use: put it back"
+            )
+
     def __exit__(self, *_: object) -> None:
         # Closing frees the lock; the file stays, for removing it would race with the next run.
         os.close(self._handle)

@@ -217,3 +217,21 @@ def test_what_a_killed_writer_left_is_removed_when_the_machine_is_opened(machine
         os.utime(draft, (0.0, 0.0))
     with StateStore(machine):
         assert not any(draft.exists() for draft in drafts)
+
+
+def test_a_directory_that_was_moved_away_is_not_begun_anew(tmp_path: Path) -> None:
+    machine = default_machine()
+    with StateStore(machine, tmp_path) as store:
+        store.store_plant({"angle": 1.0})
+        away = tmp_path / "away"
+        store.directory.rename(away)
+        with pytest.raises(StateError, match="was moved away or replaced"):
+            store.store_plant({"angle": 2.0})
+        assert not store.directory.exists()
+        store.directory.mkdir()
+        with pytest.raises(StateError, match="put it back"):
+            store.store_bus(["one"])
+        store.directory.rmdir()
+        away.rename(store.directory)
+        store.store_plant({"angle": 3.0})
+    assert (store.load_plant() or ({}, False))[0] == {"angle": 3.0}
