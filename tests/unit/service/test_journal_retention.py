@@ -40,17 +40,18 @@ def record(text: str, day: int = 1) -> bytes:
 
 
 def filled(directory: Path, days: int = 25) -> Journal:
-    """Four events a day."""
+    """Four events and an anchor a day."""
     made = Journal(directory)
     for day in range(days):
         made.append(1, 0, 4 * day + 1, [record(f"event {4 * day + n}", day + 1) for n in range(1, 5)])
+        made.anchor()
     return made
 
 
 def test_old_events_are_taken_out_and_the_chain_goes_on(tmp_path: Path) -> None:
     made = filled(tmp_path)
     kept = anchor(tmp_path)
-    assert made.prune("2026-01-11T00:00:00.000+00:00", PLENTY) == 40
+    assert made.prune(15, PLENTY) == 40
     made.append(1, 0, 101, [record("event 101")])
     made.close()
     rows = read_journal(tmp_path)
@@ -60,15 +61,30 @@ def test_old_events_are_taken_out_and_the_chain_goes_on(tmp_path: Path) -> None:
     assert verdict[:4] == (62, "", 41, 1)
     again = Journal(tmp_path)  # opened anew, it is the same journal
     assert again.moved_aside is None
-    assert again.prune("2026-01-11T00:00:00.000+00:00", PLENTY) == 0
+    assert again.prune(15, PLENTY) == 0
     again.close()
+
+
+@pytest.mark.parametrize("wrong", ["2036-01-01", "1970-01-01"])
+def test_a_clock_that_was_stepped_counts_as_one_day(wrong: str, tmp_path: Path) -> None:
+    """Ten years ahead, or to 1970, for a day, and right again: one date more, and no event goes before its turn."""
+    made = filled(tmp_path)
+    event = json.loads(record("wrong")) | {"utc": f"{wrong}T12:00:00.000+00:00"}
+    made.append(1, 0, 101, [json.dumps(event).encode()])
+    made.anchor()
+    assert made.prune(25, PLENTY) == 4  # of the first day
+    made.append(1, 0, 102, [record("event 102", 26)])
+    made.anchor()
+    assert made.prune(25, PLENTY) == 4
+    assert read_journal(tmp_path)[0].values["text"] == "event 9"
+    made.close()
 
 
 def test_by_size_the_oldest_go_until_it_fits_and_the_newest_stay_whatever_happens(tmp_path: Path) -> None:
     made = filled(tmp_path)
     used = made.path.stat().st_size + 40_000
-    assert made.prune("", used) == 0
-    assert made.prune("", 0) == 100 - KEPT
+    assert made.prune(0, used) == 0
+    assert made.prune(0, 0) == 100 - KEPT
     made.close()
     assert verify(tmp_path)[:4] == (KEPT + 1, "", 91, 0)
 
@@ -77,7 +93,7 @@ def test_a_quota_holds_however_many_events_come(tmp_path: Path) -> None:
     made, most = Journal(tmp_path), 100_000
     for first in range(1, 4001, 100):
         made.append(1, 0, first, [record(f"event {first + n} " + "x" * 200) for n in range(100)])
-        while made.prune("", most):
+        while made.prune(0, most):
             pass
     made.close()
     assert verify(tmp_path).wrong == ""
@@ -91,14 +107,14 @@ def test_a_quota_holds_however_many_events_come(tmp_path: Path) -> None:
         ("DELETE FROM events WHERE seq <= 50; UPDATE base SET seq = 50, hash = (SELECT hash FROM kept)",
          "rows up to 50 were removed, and no event records it"),
         ("DELETE FROM events WHERE seq = 41", "row 41 is missing"),
-        ("UPDATE base SET hash = 'x'", "row 41 was changed, or one before it was taken out or put in"),
+        ("UPDATE base SET hash = 'x'", "event 40 is another one than on 2026-01-10T00:00:00.000+00:00"),
         ("UPDATE base SET seq = 0", "its name is not the one it began with"),
         ("DELETE FROM events WHERE kind = 'journal'", "the end is missing: 100 rows, 101 were written"),
     ],
 )  # fmt: skip
 def test_nobody_takes_out_more_than_the_chain_says(tmp_path: Path, edit: str, wrong: str) -> None:
     made = filled(tmp_path)
-    made.prune("2026-01-11T00:00:00.000+00:00", PLENTY)
+    made.prune(15, PLENTY)
     made.close()
     db = sqlite3.connect(tmp_path / FILE)
     db.executescript(f"CREATE TEMP TABLE kept AS SELECT hash FROM events WHERE seq = 50; {edit}")
@@ -131,7 +147,7 @@ def test_an_anchor_kept_elsewhere_finds_a_journal_that_was_made_anew(tmp_path: P
 def test_the_anchor_of_the_last_event_taken_out_still_counts(tmp_path: Path) -> None:
     made = filled(tmp_path)
     right = made.newest._replace(seq=40, hash=read_journal(tmp_path, after=39, limit=1)[0].hash, utc="then")
-    made.prune("2026-01-11T00:00:00.000+00:00", PLENTY)
+    made.prune(15, PLENTY)
     made.close()
     assert verify(tmp_path, [right]).wrong == ""
     assert verify(tmp_path, [right._replace(hash="x")]).wrong == "event 40 is another one than on then"

@@ -16,7 +16,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -168,9 +167,7 @@ class EventWriter:
         now_s = time.monotonic()
         if self._journal is None or now_s < self._prune_s:
             return
-        days = self._policy.journal_days
-        before = (datetime.now(UTC) - timedelta(days=days)).isoformat(timespec="milliseconds") if days else ""
-        taken = self._journal.prune(before, int(self._policy.journal_mb * MB))
+        taken = self._journal.prune(self._policy.journal_days, int(self._policy.journal_mb * MB))
         self._prune_s = now_s if taken else now_s + _PRUNE_S
 
     def _keep_anchor(self, journal: Journal) -> None:

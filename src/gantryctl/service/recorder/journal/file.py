@@ -149,13 +149,6 @@ def numbers_of(db: sqlite3.Connection, boot: int) -> dict[int, int]:
     return found
 
 
-def older(db: sqlite3.Connection, before_utc: str, base: int) -> int:
-    """Find the last event before the first one that is young enough."""
-    query = "SELECT seq FROM events WHERE utc >= ? ORDER BY seq LIMIT 1"
-    found = db.execute(query, (before_utc,)).fetchone()
-    return int(found[0]) - 1 if found else base
-
-
 def surplus(db: sqlite3.Connection, bytes_max: int, base: int, head: int) -> int:
     """Find the last of the oldest events whose removal brings all of them below the limit."""
     names = ("page_count", "freelist_count", "page_size")

@@ -268,13 +268,13 @@ class Journal:
                 raise JournalFault(f"{mirror.path}: {fault}") from fault
         self._mirrored = self._seq
 
-    def prune(self, before_utc: str, bytes_max: int) -> int:
+    def prune(self, days: int, bytes_max: int) -> int:
         """Remove the oldest events, and write which, with their hash, in the same commit; return how many.
 
         The newest `KEPT_LEAST` stay, whatever the limits; one call takes `PRUNED_MOST` at most.
 
         Args:
-            before_utc: events of before this time go, ISO 8601; "" for no limit.
+            days: events go that are older than so many dates of daily anchors; 0 for no limit.
             bytes_max: what the events may occupy. The file does not shrink: its room is used again.
 
         Raises:
@@ -283,7 +283,7 @@ class Journal:
         db, head = self._db, self._seq
         try:
             base = db.execute("SELECT seq FROM base").fetchone()[0]
-            upto = max(file.older(db, before_utc, base), file.surplus(db, bytes_max, base, head))
+            upto = max(self._older(days) if days else base, file.surplus(db, bytes_max, base, head))
             upto = min(upto, head - KEPT_LEAST, base + PRUNED_MOST)
             if upto <= base:
                 return 0
@@ -299,6 +299,18 @@ class Journal:
         )
         self._reflect()
         return int(upto - base)
+
+    def _older(self, days: int) -> int:
+        """Find the last event with so many dates of anchors behind it; 0 where there are not so many."""
+        # By the order of the anchors and not by the clock: one that was stepped ahead by a year is one date.
+        dates: set[str] = set()
+        for each in sorted(
+            (anchor for anchor in self._anchors if anchor.journal == self._name), reverse=True
+        ):
+            dates.add(each.utc[:10])
+            if len(dates) > days:
+                return each.seq
+        return 0
 
     # --- what proves it ---------------------------------------------------------------------------
 
