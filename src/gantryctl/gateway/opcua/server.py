@@ -11,6 +11,7 @@ import asyncio
 import json
 import logging
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -25,6 +26,7 @@ from gantryctl.gateway.opcua.services import ITEMS_MAX, NODES_MAX, PATHS_MAX, SU
 from gantryctl.gateway.opcua.space import PERIOD_S, AddressSpace
 from gantryctl.gateway.opcua.trust import TrustList
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.snapshot import Snapshot
 from gantryctl.service.realtime import die_with_parent
@@ -129,10 +131,12 @@ async def _say_limits(server: Server) -> None:
 
 async def serve(settings: Settings, memory: SharedMemory) -> None:
     """Serve until cancelled."""
-    listener, space = await make_server(settings, EventLog(memory.events[Source.OPCUA]))
-    picture = Snapshot(memory)
+    events = EventLog(memory.events[Source.OPCUA])
+    listener, space = await make_server(settings, events)
+    picture, held_up = Snapshot(memory), HeldUp("opcua", partial(events.put, "service"))
     async with listener:
         while True:
+            held_up.look()
             fast, age_ms = picture.fast()
             await space.show({**fast, **picture.slow()}, age_ms)
             await listener.sweep()

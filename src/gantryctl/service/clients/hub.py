@@ -14,6 +14,7 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
@@ -21,6 +22,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.commit_wait import CommitWait
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.refusals import RefusalLog
 from gantryctl.service.memory.snapshot import Snapshot
@@ -323,7 +325,10 @@ class Hub:
         await asyncio.gather(self._look_on(), self._answer_on())
 
     async def _look_on(self) -> None:
+        process = "supervisor" if self._source is Source.LOCAL else "gateway"
+        held_up = HeldUp(process, partial(self.events.put, "service"))
         while True:
+            held_up.look()
             left_s = self.look()
             self.refusals.look()
             with contextlib.suppress(asyncio.TimeoutError):

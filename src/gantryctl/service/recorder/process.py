@@ -23,6 +23,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.frame_writer import FrameWriter
@@ -284,8 +285,9 @@ def main(arguments: list[str]) -> int:
     # First the rows: they say which recording goes on, all others were left by a recorder that is gone.
     traces.drain(at_once=True)
     traces.finish_left()
-    orphaned = False
+    orphaned, held_up = False, HeldUp("recorder", events.tell)
     while writer.is_alive():
+        held_up.look()
         traces.drain()
         frames.drain()
         # The record of the run before stays until the journal has told it.
