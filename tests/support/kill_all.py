@@ -25,14 +25,12 @@ class Killed(NamedTuple):
     Attributes:
         phase: what the axis did.
         acknowledged: numbers of the events whose command was acknowledged as kept.
-        pos_deg, vel_deg_s: in the last status frame. age_s: of that frame when the last process was dead.
+        seen: time of the scan, angle and speed of every status frame of the page.
     """
 
     phase: str
     acknowledged: tuple[int, ...]
-    pos_deg: float
-    vel_deg_s: float
-    age_s: float
+    seen: tuple[tuple[float, float, float], ...]
 
 
 def processes(service: Service) -> list[int]:
@@ -49,7 +47,7 @@ class Recorded:
     def __init__(self, page: Page) -> None:
         self.page, self.acknowledged = page, list[int]()
         self.lease = ""
-        self.seen_s = time.monotonic()
+        self.seen: list[tuple[float, float, float]] = []
 
     def do(self, kind: str, **values: Any) -> None:
         for _ in range(5):  # a busy computer lets pictures grow old
@@ -65,10 +63,10 @@ class Recorded:
         """Look for a time, and stay alive."""
         end_s = time.monotonic() + seconds
         while True:
-            self.page.look()
-            self.seen_s = time.monotonic()
+            tags = self.page.look()
+            self.seen.append((tags["time_s"], tags["pos_act_deg"], tags["vel_act_deg_s"]))
             self.page.say("renew", lease=self.lease) if self.lease else self.page.say("alive")
-            if self.seen_s > end_s:
+            if time.monotonic() > end_s:
                 return
 
 
@@ -100,7 +98,6 @@ def run_and_kill(service: Service, phase: str, chance: random.Random) -> Killed:
     chance.shuffle(victims)
     for victim in victims:
         os.kill(victim, signal.SIGKILL)
-    age_s = time.monotonic() - page.seen_s
     with suppress(Exception):  # the other end is dead
         opened.__exit__()
     service.process.wait(30)
@@ -108,8 +105,7 @@ def run_and_kill(service: Service, phase: str, chance: random.Random) -> Killed:
     until_s = time.monotonic() + 30.0
     while any(Path(f"/proc/{victim}").exists() for victim in victims) and time.monotonic() < until_s:
         time.sleep(0.01)
-    tags = opened.tags
-    return Killed(phase, tuple(page.acknowledged), tags["pos_act_deg"], tags["vel_act_deg_s"], age_s)
+    return Killed(phase, tuple(page.acknowledged), tuple(page.seen))
 
 
 def lost(directory: Path, boot: int, killed: Killed) -> int:

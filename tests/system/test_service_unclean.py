@@ -6,12 +6,15 @@ INV-8, with kills of all processes at once.
 from __future__ import annotations
 
 import json
+import math
 import os
 import random
 import signal
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +29,12 @@ from support.service_process import PASSWORD, Page, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 Evidence = Callable[[str, dict[str, object]], None]
-# Between the last status frame of the page and the last record: frames come every 50 ms, records too.
-PERIODS_S = 0.1
-# The axis gains speed after the last frame, 3 deg/s2 at most.
-ACC_DEG_S2 = 3.0
+# What the axis gains between two frames, at most: of the machine file, and some for the ripple of the drive.
+ACC_DEG_S2 = 1.0
+# The encoder's step and the rounding of tags.
+READING_DEG = 0.002
+# The recorder is no real-time process: on a computer with ten times the load that it can carry it comes late.
+BEHIND_MAX_S = 2.0
 
 
 def told(directory: Path, boot: int) -> list[dict[str, Any]]:
@@ -43,56 +48,82 @@ def told(directory: Path, boot: int) -> list[dict[str, Any]]:
     ]
 
 
-def within(killed: Killed, pos_deg: float) -> bool:
-    """Whether the angle told is that of the last status frame, or a little later on its way."""
-    late_s = killed.age_s + PERIODS_S
-    way_deg = abs(killed.vel_deg_s) * late_s + 0.5 * ACC_DEG_S2 * late_s * late_s
-    early_deg = abs(killed.vel_deg_s) * PERIODS_S
-    return killed.pos_deg - early_deg - 0.01 <= pos_deg <= killed.pos_deg + way_deg + 0.01
+def off_the_way_deg(killed: Killed, told: dict[str, Any]) -> float:
+    """How far the angle told is from that at its time, beyond what two frames leave open; the frames are the page's."""
+    time_s, pos_deg = told["time_s"], told["pos_deg"]
+    frames = killed.seen
+    after = next((n for n, frame in enumerate(frames) if frame[0] >= time_s), len(frames))
+    known = frames[max(0, after - 1)]
+    gap_s = time_s - known[0]
+    expected = known[1] + known[2] * gap_s
+    return max(0.0, abs(pos_deg - expected) - 0.5 * ACC_DEG_S2 * gap_s * gap_s - READING_DEG)
 
 
-def kill_all(root: Path, count: int) -> dict[str, object]:
-    """Kill everything so often; each next start must tell it."""
-    chance, directory = random.Random(5), root / "hust_gantry"
-    acknowledged = missing = silent = 0
-    worst_deg, phases = 0.0, dict.fromkeys(PHASES, 0)
+def behind_s(killed: Killed, told: dict[str, Any]) -> float:
+    """Time from the record to the last status frame that the page has seen."""
+    return max(0.0, killed.seen[-1][0] - told["time_s"])
+
+
+def kill_all(root: Path, count: int) -> list[dict[str, Any]]:
+    """Kill everything so often; what each next start told and had."""
+    chance, directory = random.Random(root.name), root / "hust_gantry"
+    add_users(root)
+    found: list[dict[str, Any]] = []
     before: Killed | None = None
     for number in range(count + 1):
         with Service(root) as service:
             if before is not None:
-                until = time.monotonic() + 30.0
-                while len(told(directory, boots(directory)[-1])) < number and time.monotonic() < until:
+                boot = boots(directory)[-1]
+                until_s = time.monotonic() + 30.0
+                while len(told(directory, boot)) < number and time.monotonic() < until_s:
                     time.sleep(0.05)
-                rows = told(directory, boots(directory)[-1])
-                silent += len(rows) != number or "SYS-05" not in service.errors()
-                detail = rows[-1]["detail"]
-                assert within(before, detail["pos_deg"]), (before, detail)
-                worst_deg = max(worst_deg, abs(detail["pos_deg"] - before.pos_deg))
-                assert rows[-1]["kind"] == "alarm"
+                rows = told(directory, boot)
+                detail = rows[-1]["detail"] if len(rows) == number else None
+                found[-1] |= {
+                    "told": detail is not None
+                    and "SYS-05" in service.errors()
+                    and rows[-1]["kind"] == "alarm",
+                    "off_deg": math.inf if detail is None else off_the_way_deg(before, detail),
+                    "behind_s": math.inf if detail is None else behind_s(before, detail),
+                }
             if number == count:
                 break
             before = run_and_kill(service, PHASES[number % len(PHASES)], chance)
-        acknowledged += len(before.acknowledged)
-        missing += lost(directory, boots(directory)[-1], before)
-        phases[before.phase] += 1
+        missing = lost(directory, boots(directory)[-1], before)
+        found.append({"phase": before.phase, "acknowledged": len(before.acknowledged), "lost": missing})
     assert verify(directory).wrong == ""
-    return {
-        "kills_of_everything": count,
-        "phases": phases,
-        "acknowledged_events": acknowledged,
-        "acknowledged_events_lost": missing,
-        "starts_that_did_not_tell_it": silent,
-        "angle_told_from_last_frame_max_deg": round(worst_deg, 3),
-    }
+    return found
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_two_hundred_kills_of_everything(tmp_path: Path, evidence: Evidence) -> None:
-    add_users(tmp_path)
-    found = kill_all(tmp_path, 200)
-    evidence("service_killed_whole", found)
-    assert (found["acknowledged_events_lost"], found["starts_that_did_not_tell_it"]) == (0, 0)
+    """Four services at the same time, so that the computer is busy."""
+    roots = [tmp_path / str(number) for number in range(4)]
+    for root in roots:
+        root.mkdir()
+    with ThreadPoolExecutor(len(roots)) as pool:
+        runs = [run for found in pool.map(lambda root: kill_all(root, 50), roots) for run in found]
+    lost_events = sum(run["lost"] for run in runs)
+    silent = sum(not run["told"] for run in runs)
+    behind = sorted(run["behind_s"] for run in runs)
+    evidence(
+        "service_killed_whole",
+        {
+            "kills_of_everything": len(runs),
+            "phases": Counter(run["phase"] for run in runs),
+            "acknowledged_events": sum(run["acknowledged"] for run in runs),
+            "acknowledged_events_lost": lost_events,
+            "starts_that_did_not_tell_it": silent,
+            "angle_told_off_the_way_max_deg": round(max(run["off_deg"] for run in runs), 4),
+            "record_behind_last_frame_median_s": round(behind[len(behind) // 2], 3),
+            "record_behind_last_frame_max_s": round(behind[-1], 3),
+            "load_average": os.getloadavg(),
+        },
+    )
+    assert (lost_events, silent) == (0, 0)
+    assert all(run["off_deg"] == 0.0 for run in runs)
+    assert behind[-1] < BEHIND_MAX_S
 
 
 def test_everything_killed_is_told_with_the_angle_and_a_killed_first_process_ends_in_order(
@@ -113,7 +144,8 @@ def test_everything_killed_is_told_with_the_angle_and_a_killed_first_process_end
     first, second = boots(directory)
     assert lost(directory, first, killed) == 0
     (row,) = told(directory, second)
-    assert within(killed, row["detail"]["pos_deg"]), (killed, row)
+    assert off_the_way_deg(killed, row["detail"]) == 0.0, (killed.seen, row)
+    assert behind_s(killed, row["detail"]) < BEHIND_MAX_S
     assert (row["kind"], row["detail"]["code"]) == ("alarm", "SYS-05")
     texts = [row.values["text"] for row in read_journal(directory)]
     assert "SYS-06 supervisor has ended without a word; the others bring the axis to rest and end" in texts

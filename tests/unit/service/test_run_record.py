@@ -27,7 +27,7 @@ SECTOR = 512
 
 
 def record(number: int, *, clean: bool = False) -> RunRecord:
-    return RunRecord(7, clean, 1000.0 + number, float(number), 0.5)
+    return RunRecord(7, clean, 1000.0 + number, 0.001 * number, float(number), 0.5)
 
 
 def reread(directory: Path) -> RunRecord | None:

@@ -274,9 +274,7 @@ def main(arguments: list[str]) -> int:
     left = run.left_behind()
     if left is not None:
         sys.stderr.write(f"{left.told.line}\n")
-        events.notes.append(
-            Note("alarm", left.told.line, {"code": str(left.told.code), **left.seen._asdict()})
-        )
+        events.notes.append(Note("alarm", left.told.line, {"code": str(left.told.code), **left.numbers}))
     traces = TraceWriter(memory, directory / "traces", free_bytes, policy)
     frames = FrameWriter(memory, directory / "traces", log, free_bytes, policy, events.tell)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")

@@ -50,12 +50,14 @@ class RunRecord(NamedTuple):
         boot: random number of the start of the service.
         clean: the controller was shut down, and all events are kept.
         utc_s: time of the reading on the clock of the computer, s since 1970.
+        time_s: the same on the clock of the scan, as in recordings and events of commands.
         pos_deg, vel_deg_s: last angle, as people read it, and speed; None where they were not known.
     """
 
     boot: int
     clean: bool
     utc_s: float
+    time_s: float
     pos_deg: float | None
     vel_deg_s: float | None
 
@@ -69,6 +71,12 @@ class RunRecord(NamedTuple):
         """SYS-05 about a run that ended with this record."""
         utc = datetime.fromtimestamp(self.utc_s, UTC).strftime(TIME_FORMAT)
         return self.seen.told(Words.AT_TIME(utc=utc))
+
+    @property
+    def numbers(self) -> dict[str, object]:
+        """Values of the event that tells it."""
+        found = self._asdict()
+        return {name: found[name] for name in ("utc_s", "time_s", "pos_deg", "vel_deg_s")}
 
 
 class RunFile:
@@ -105,7 +113,7 @@ class RunFile:
         data = os.pread(self._handle, _BLOCK * _BLOCKS, 0)
         if not data:
             return None
-        found = RunRecord(0, clean=False, utc_s=0.0, pos_deg=None, vel_deg_s=None)
+        found = RunRecord(0, clean=False, utc_s=0.0, time_s=0.0, pos_deg=None, vel_deg_s=None)
         for turn in range(_BLOCKS):
             block = _unpacked(data[turn * _BLOCK : (turn + 1) * _BLOCK])
             if block is not None and block[0] > self._number:
@@ -212,7 +220,7 @@ class RunKeeper:
         about = self._memory.columns.read()
         dial = SIGNED if about is None else Dial.of_recording(json.loads(about)["metadata"])
         seen = LastSeen.of(tags, dial)
-        return RunRecord(self._boot, clean, self._utc() - age_ms * 1e-3, *seen)
+        return RunRecord(self._boot, clean, self._utc() - age_ms * 1e-3, tags["time_s"], *seen)
 
     def _writing(self, write: Callable[[RunRecord], None], record: RunRecord) -> None:
         """Write a record; a failing disk is told once."""
