@@ -126,7 +126,7 @@ def test_a_hundred_thousand_power_cuts(evidence: Evidence, monkeypatch: pytest.M
 def kills(directory: Path, count: int) -> dict[str, object]:
     """Kill the recorder at random moments while events come; every event is there once, in order."""
     memory, chance = SharedMemory.create(), random.Random(2)
-    memory.words[Word.BOOT] = 9
+    memory.words[Word.BOOT], memory.words[Word.SUPERVISOR] = 9, os.getpid()
     log = EventLog(memory.events[2])
     arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json(), "-1"]
     command = [sys.executable, "-m", "gantryctl.service.recorder", *arguments]

@@ -55,7 +55,7 @@ class Disk:
 def missing_at_reply(directory: Path, recorder: list[str], commands: int) -> int:
     """Replies of a hub whose event was not on the disk; the recorder is a process, the controller a stand-in."""
     memory = SharedMemory.create()
-    memory.words[Word.BOOT] = 9
+    memory.words[Word.BOOT], memory.words[Word.SUPERVISOR] = 9, os.getpid()
     arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json(), "-1"]
     process = subprocess.Popen([sys.executable, *recorder, *arguments], pass_fds=(memory.handle,))
     log, missing = EventLog(memory.events[Source.CONTROLLER]), 0

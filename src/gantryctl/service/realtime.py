@@ -26,12 +26,15 @@ def prepare_scan_process() -> bool:
     return ask_for_priority(PRIORITY) and _lock_memory()
 
 
-def die_with_parent() -> None:
-    """Ask the system for SIGTERM at the end of the parent process, however it ends."""
+def die_with_parent(parent: int) -> None:
+    """Ask the system for SIGTERM at the end of the parent process, however it ends.
+
+    Args:
+        parent: its process number, which it has told: one that was killed while it started this process is gone before
+            the first line here. Of the kills of everything some left a controller that ran on alone.
+    """
     if sys.platform == "linux":
-        parent = os.getppid()
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
-        # The parent may have ended before the request.
         if os.getppid() != parent:
             os.kill(os.getpid(), signal.SIGTERM)
 

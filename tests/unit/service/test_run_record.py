@@ -166,7 +166,7 @@ class Run:
         self.memory.words[Word.CONTROLLER_CLEAN] = 0
         values = dict.fromkeys(FAST, 0.0) | {"position_valid": 1.0}
         values |= {"pos_act_deg": pos_deg, "vel_act_deg_s": vel_deg_s, **tags}
-        publish_fast(self.memory.fast, values)
+        publish_fast(self.memory.fast, values, 0)
 
     def killed(self) -> None:
         self.file.close()

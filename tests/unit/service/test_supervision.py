@@ -8,6 +8,7 @@ import os
 import signal
 import socket
 import stat
+import subprocess
 import sys
 import time
 from collections.abc import Awaitable, Callable
@@ -185,3 +186,12 @@ def test_a_first_process_whose_local_socket_is_mute_ends_the_service_in_order(
     for child in (supervisor.controller, supervisor.recorder):
         assert child.process is not None
         assert child.process.returncode == -signal.SIGTERM
+
+
+@pytest.mark.parametrize(("parent", "ends"), [("os.getppid()", False), ("1", True)])
+def test_a_process_whose_parent_was_killed_before_its_first_line_ends(parent: str, ends: bool) -> None:
+    lines = f"import os; from gantryctl.service.realtime import die_with_parent; die_with_parent({parent})"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{lines}; print('goes on')"], capture_output=True, check=False
+    )
+    assert (done.returncode, done.stdout) == ((-signal.SIGTERM, b"") if ends else (0, b"goes on\n"))

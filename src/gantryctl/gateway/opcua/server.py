@@ -27,7 +27,7 @@ from gantryctl.gateway.opcua.space import PERIOD_S, AddressSpace
 from gantryctl.gateway.opcua.trust import TrustList
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.held_up import HeldUp
-from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.supervisor.users import Users
@@ -146,7 +146,7 @@ async def serve(settings: Settings, memory: SharedMemory) -> None:
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory = SharedMemory(int(arguments[1]))
-    die_with_parent()
+    die_with_parent(memory.words[Word.SUPERVISOR])
     # Its start costs seconds of a processor and its clients may keep it busy (decision 0011).
     os.nice(5)
     # What clients do wrong stands in the journal, thinned out; the library would write lines for each, without a limit.

@@ -285,8 +285,8 @@ def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     handle, config, wanted = int(arguments[0]), Path(arguments[1]), arguments[2]
     root, options = Path(arguments[3]), arguments[4:]
-    die_with_parent()
     memory = SharedMemory(handle)
+    die_with_parent(memory.words[Word.SUPERVISOR])
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service again"])

@@ -69,6 +69,8 @@ class Word(IntEnum):
     LINK = 16
     LINK_UID = 17
     LINK_UNTIL_NS = 18
+    # Process number of the supervisor, for the others to end with it.
+    SUPERVISOR = 10
 
 
 class JournalState(IntEnum):

@@ -228,10 +228,11 @@ class Others:
 
     Args:
         handle: end of a pipe whose other end every other process of the service holds; -1 for none of them.
+        parent: process number of the first one.
     """
 
-    def __init__(self, handle: int) -> None:
-        self._handle, self._parent = handle, os.getppid()
+    def __init__(self, handle: int, parent: int) -> None:
+        self._handle, self._parent = handle, parent
         self.gone = handle < 0
         self._until_s = math.inf
 
@@ -254,12 +255,15 @@ class Others:
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory, directory = SharedMemory(int(arguments[0])), Path(arguments[1])
-    policy, others = RetentionPolicy.from_json(arguments[2]), Others(int(arguments[3]))
+    policy, others = (
+        RetentionPolicy.from_json(arguments[2]),
+        Others(int(arguments[3]), memory.words[Word.SUPERVISOR]),
+    )
     log = Path(arguments[4]) if arguments[4:] else None
     ending, ended = threading.Event(), threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: ending.set())
-    die_with_parent()
+    die_with_parent(memory.words[Word.SUPERVISOR])
 
     run_file = RunFile(directory)
     while not run_file.hold():

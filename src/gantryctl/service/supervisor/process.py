@@ -80,6 +80,7 @@ class Supervisor:
     ) -> None:
         self.memory = SharedMemory.create()
         self.memory.words[Word.BOOT] = secrets.randbits(62)
+        self.memory.words[Word.SUPERVISOR] = os.getpid()
         self.memory.words[Word.CONTROLLER_CLEAN] = 1
         self.memory.words[Word.LEASE_MS] = round(machine.monitors.lease_ms)
         handle = self.memory.handle
