@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect
 
 from gantryctl.gateway.access import COOKIE
+from gantryctl.service.clients.link import console_link
 from support.browser import SIZE, address, enter, ready_to_jog
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher
@@ -62,6 +63,20 @@ def test_a_person_logs_in_with_a_password_and_out_again(
     page.get_by_role("button", name="Log out").click()
     expect(page.get_by_label("Password")).to_be_visible()
     assert context.cookies() == []
+
+
+def test_the_page_that_the_console_opens_is_no_remote_screen(
+    context: BrowserContext, page_service: Service
+) -> None:
+    page = enter(context, page_service, "viewer")
+    expect(page.get_by_test_id("remote")).to_be_visible()
+    page.goto(console_link(page_service.directory))
+    assert page.url == address(page_service)
+    page.locator("[data-stale=false]").wait_for()
+    expect(page.get_by_test_id("remote")).to_have_count(0)
+    page.reload()
+    page.locator("[data-stale=false]").wait_for()
+    expect(page.get_by_test_id("remote")).to_have_count(0)
 
 
 def test_nothing_leaves_the_machine_and_no_policy_is_broken(
