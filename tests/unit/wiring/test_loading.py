@@ -12,11 +12,11 @@ import pytest
 
 import gantryctl.wiring
 
-MODULES_MAX = 224
+MODULES_MAX = 226
 """Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger and the
 nodes beside the drive came, 203 before the power sequence got its parts,
 208 before requirement, turns of a modulo axis and no-go sectors, 216 before the further blocks of PLCopen and
-of IEC 61131-3."""
+of IEC 61131-3, 224 before frames were sealed and unclean ends told."""
 
 ON_BUS = """
 from gantryctl.service.controller import process
