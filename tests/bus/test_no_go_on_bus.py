@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 import pytest
-from bus.bus_rig import BusRig, bus_machine
 
+from bus.bus_rig import BusRig, bus_machine
 from gantryctl.program import Code
 from gantryctl.units import rad
 

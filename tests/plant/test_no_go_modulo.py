@@ -90,7 +90,9 @@ def test_a_set_point_that_goes_into_a_sector_is_stopped_before_it(scan_ms: float
     blind = replace(made.axis.settings.travel, no_go_rad=())
     made.axis.virtual._travel = blind
     made.axis.motion._settings = replace(made.axis.settings, travel=blind)
-    made.say(move=True, target_rad=rad(edge + direction * 20.0), speed_rad_s=rad(3.0), direction=Direction.SHORTEST)
+    made.say(
+        move=True, target_rad=rad(edge + direction * 20.0), speed_rad_s=rad(3.0), direction=Direction.SHORTEST
+    )
     made.say(move=False)
     worst = watch(made, 12.0)
     assert made.first == "LIM-06", made.texts

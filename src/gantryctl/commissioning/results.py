@@ -161,6 +161,7 @@ class Context:
         say: a line for the person who watches.
         watch: progress and pictures of this step.
         instrument: makes the instrument at the load, once the axis is open; None without one.
+        certificate: of its calibration; "" where nobody has named one.
     """
 
     machine: Machine
@@ -171,6 +172,7 @@ class Context:
     say: Callable[[str], None]
     watch: StepWatch
     instrument: InstrumentMaker | None
+    certificate: str
 
 
 def passed(key: str, proof: str, **figures: float | Figure) -> StepResult:

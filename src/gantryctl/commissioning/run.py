@@ -203,6 +203,7 @@ class Commissioning:
         say: a line for the person who watches.
         confirm: asked before a step that moves further than was agreed to before; False leaves it out.
         instrument: makes the instrument at the load for the chord test; None without one.
+        certificate: of its calibration, for the report.
         now_s: clock of the person who watches.
     """
 
@@ -214,6 +215,7 @@ class Commissioning:
         say: Callable[[str], None],
         confirm: Callable[[Step], bool],
         instrument: InstrumentMaker | None = None,
+        certificate: str = "",
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         if not machine.on_bus:
@@ -221,7 +223,8 @@ class Commissioning:
                 f'{machine.name}: [drive] kind = "{machine.drive.kind}"; a CAN machine is commissioned'
             )
         self.machine, self.store, self.folder = machine, store, folder
-        self._say, self._confirm, self._instrument, self._now_s = say, confirm, instrument, now_s
+        self._say, self._confirm, self._now_s = say, confirm, now_s
+        self._instrument, self._certificate = instrument, certificate
         self._agreed = Reach.NOTHING
         self._path = store.directory / _RESULTS
         kept = load_progress(self._path)
@@ -311,6 +314,7 @@ class Commissioning:
             self._say,
             watch,
             self._instrument,
+            self._certificate,
         )
         try:
             result = step.run(context)

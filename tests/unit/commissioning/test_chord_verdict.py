@@ -34,8 +34,11 @@ def test_the_same_readings_pass_and_fail_by_the_requirement(
         folder=tmp_path,
         watch=SimpleNamespace(pictures=[]),
         store=SimpleNamespace(directory=tmp_path),
+        certificate="D-K-4711",
     )
     result = _judged(cast(Context, context), session)
     assert result.outcome is outcome
     assert "required by hust_gantry (tender 4711)" in result.proof
     assert result.figures["a_deg"].high == pytest.approx(angle_deg / 1.4)
+    assert "by tracker (certificate D-K-4711)" in result.proof
+    assert "D-K-4711" in (tmp_path / "accuracy" / "report.html").read_text(encoding="utf-8")

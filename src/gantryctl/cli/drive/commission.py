@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.engineering.at_the_load import SIMULATED, instrument_options, open_instrument
+from gantryctl.cli.engineering.at_the_load import (
+    SIMULATED,
+    certificate_of,
+    instrument_options,
+    open_instrument,
+)
 from gantryctl.cli.options import bus_log_option, config_option, directory, out_option, proven_machine
 from gantryctl.cli.report import head_of, report_options
 
@@ -43,6 +48,7 @@ def commission(
     yes: bool,
     place: str | None,
     uncertainty_deg: float | None,
+    certificate: str,
     out: Path | None,
     made: Made,
 ) -> int:
@@ -79,6 +85,7 @@ def commission(
             click.echo,
             lambda step: yes or with_sim or _ask(work, step, only),
             None if place is None else lambda run: open_instrument(run, place, uncertainty_deg, seed=0),
+            certificate_of(place, certificate),
         )
         return _run(work, only, again, folder, made)
 

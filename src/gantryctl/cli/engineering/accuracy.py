@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE, certificate_option, finish
+from gantryctl.cli.engineering.accuracy_end import finish
+from gantryctl.cli.engineering.at_the_load import SIMULATED_CERTIFICATE, certificate_option
 from gantryctl.cli.engineering.experiment import (
     bus_experiment,
     in_deg_s,

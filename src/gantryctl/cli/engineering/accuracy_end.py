@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,16 +14,6 @@ if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.report.head import Made, MeasuredBy
     from gantryctl.machine import Machine
-
-
-certificate_option = click.option(
-    "--certificate",
-    default="",
-    metavar="TEXT",
-    help="Certificate of the instrument's calibration, for the report.",
-)
-# Readings of a model come from no instrument that could have one.
-SIMULATED_CERTIFICATE: Final = "none: simulated"
 
 
 def finish(

@@ -20,8 +20,23 @@ SIMULATED: Final = "simulated"
 LOAD_ENCODER: Final = "load-encoder"
 
 
+# Readings of a model come from no instrument that could have one.
+SIMULATED_CERTIFICATE: Final = "none: simulated"
+certificate_option = click.option(
+    "--certificate",
+    default="",
+    metavar="TEXT",
+    help="Certificate of the instrument's calibration, for the report.",
+)
+
+
+def certificate_of(place: str | None, stated: str) -> str:
+    """The certificate for the report, of the instrument that was named."""
+    return SIMULATED_CERTIFICATE if place == SIMULATED else stated
+
+
 def instrument_options(default: str | None) -> Option:
-    """The options that name the instrument at the load."""
+    """The options that name the instrument at the load, and its certificate."""
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         told = click.option(
@@ -37,7 +52,7 @@ def instrument_options(default: str | None) -> Option:
             help="At the load: tcp:HOST:PORT, serial:DEVICE:BAUD, hand (a person types the readings), load-encoder "
             "(on the ring, on the bus), or simulated.",
         )
-        return named(told(command))
+        return named(told(certificate_option(command)))
 
     return add
 

@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE
-from gantryctl.cli.engineering.at_the_load import SIMULATED
+from gantryctl.cli.engineering.at_the_load import (
+    SIMULATED,
+    SIMULATED_CERTIFICATE,
+    certificate_of,
+    certificate_option,
+)
 from gantryctl.cli.engineering.experiment import asking, instrument_at, yes_option
 from gantryctl.cli.options import (
     PATH,
@@ -50,6 +54,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="On a bus, what watches the load: simulated (a tracker), tcp:HOST:PORT or serial:DEVICE:BAUD.",
 )
+@certificate_option
 @yes_option
 @seed_option
 @out_option
@@ -61,6 +66,7 @@ def compare(
     plants: int,
     threads: int | None,
     instrument: str,
+    certificate: str,
     yes: bool,
     seed: int,
     out: Path | None,
@@ -92,7 +98,8 @@ def compare(
     if paper.on_bus or improved.on_bus:
         if plants:
             raise UsageError("--ensemble: random plants are simulated, a machine on a bus is the one it is")
-        return _on_bus(paper, improved, instrument, seed, folder, made, yes=yes, as_json=as_json)
+        stated = certificate_of(instrument, certificate)
+        return _on_bus(paper, improved, instrument, stated, seed, folder, made, yes=yes, as_json=as_json)
     report = compare_report(
         paper,
         improved,
@@ -121,6 +128,7 @@ def _on_bus(
     paper: Machine,
     improved: Machine,
     place: str,
+    certificate: str,
     seed: int,
     folder: Path | None,
     made: Made,
@@ -159,7 +167,6 @@ def _on_bus(
         from gantryctl.engineering.comparison.page import render_bus_comparison
 
         write_json(folder / "compare.json", data)
-        certificate = SIMULATED_CERTIFICATE if place == SIMULATED else ""
         head = head_of(improved, made, MeasuredBy(found.instrument, certificate))
         write_text(folder / "report.html", render_bus_comparison(found, head))
     return int(found.verdict.passed is not True)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE, certificate_option, finish
+from gantryctl.cli.engineering.accuracy_end import finish
 from gantryctl.cli.engineering.at_the_load import (
     BY_HAND,
     LOAD_ENCODER,
     SIMULATED,
+    certificate_of,
     instrument_options,
     open_instrument,
 )
@@ -55,7 +56,6 @@ _IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows t
 @instrument_options(default=BY_HAND)
 @click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")
 @click.option("--yes", is_flag=True, help="Do not ask before a real axis moves.")
-@certificate_option
 @seed_option
 @out_option
 @report_options
@@ -118,9 +118,15 @@ def measure(
             click.echo(f"{ended.text}; the same command goes on", err=True)
             return 1
         store_session(folder / "readings.json", ended)
-        certificate = SIMULATED_CERTIFICATE if place == SIMULATED else certificate
         report = _report(machine, ended, place, made)
-        code = finish(report, machine, made, MeasuredBy(report.source, certificate), folder, as_json)
+        code = finish(
+            report,
+            machine,
+            made,
+            MeasuredBy(report.source, certificate_of(place, certificate)),
+            folder,
+            as_json,
+        )
         # Only now: a kill before the report must not cost the readings.
         path.unlink(missing_ok=True)
     return code

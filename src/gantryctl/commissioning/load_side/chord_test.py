@@ -87,7 +87,8 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
     limit = required.limit
     c.watch.pictures.append(_picture(report, beside))
     ratio = session.procedure.whole_ratio
-    test = f"chord test {PROCEDURE} by {report.source}, {origin}"
+    by = f"{report.source} (certificate {c.certificate})" if c.certificate else report.source
+    test = f"chord test {PROCEDURE} by {by}, {origin}"
     a_deg, chord_deg = report.a_as_measured_deg, report.statistics.largest_deg
     return judged(
         report.verdict.conformity is Conformity.PASS,
@@ -108,7 +109,7 @@ def _head(c: Context, report: AccuracyReport) -> Head:
         c.machine.name,
         machine_facts(c.machine, serials),
         made,
-        MeasuredBy(report.source),
+        MeasuredBy(report.source, c.certificate),
         c.machine.required.source,
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from gantryctl.engineering.comparison.on_bus import _dwell, _load_error_deg_s, compare_on_bus
 from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.engineering.instruments import SimulatedTracker, TrackerErrors
+from gantryctl.engineering.report.head import Head
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.run import AxisRun
@@ -74,6 +76,27 @@ def test_random_plants_are_refused_on_a_bus(tmp_path: Path) -> None:
     refused = cli("compare", name, name, "--ensemble", "2")
     assert refused.code == 2
     assert "random plants are simulated" in refused.err
+
+
+@pytest.mark.parametrize(("place", "told"), [("tcp:here:1", "D-K-4711"), ("simulated", "none: simulated")])
+def test_the_report_names_the_certificate_of_the_instrument(
+    place: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The runs are left out: 20 minutes of axis time."""
+    found = SimpleNamespace(instrument=place, verdict=SimpleNamespace(passed=True), rows=())
+    heads: list[Head] = []
+
+    def page(_: object, head: Head) -> str:
+        heads.append(head)
+        return ""
+
+    monkeypatch.setattr("gantryctl.engineering.comparison.on_bus.compare_on_bus", lambda *_, **__: found)
+    monkeypatch.setattr("gantryctl.engineering.accuracy.report.data.verdict_data", lambda _: {})
+    monkeypatch.setattr("gantryctl.engineering.comparison.page.render_bus_comparison", page)
+    name = configs_folder() / "hust_can.toml"
+    given = ("--certificate", "D-K-4711", "--instrument", place, "--json", "--out", tmp_path)
+    assert cli("compare", name, name, *given).code == 0
+    assert [head.measured_by.certificate for head in heads if head.measured_by] == [told]
 
 
 @pytest.mark.slow
