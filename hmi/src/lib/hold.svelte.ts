@@ -56,7 +56,9 @@ class Hold {
     const lease = this.#lease;
     if (lease === '') return;
     this.#forget(why);
-    void link.send('release', { lease });
+    // The answer to a release must not take the place of the refusal that is shown.
+    if (why === 'refused') link.post('release', { lease });
+    else void link.send('release', { lease });
   }
 
   /** With every status frame, and by a timer: only a newer frame makes the lease longer. */
