@@ -166,19 +166,29 @@ def write_new(texts: dict[Path, str], force: bool) -> None:
 
 
 def report(made: Draft, written: list[Path], sheet: Values | None, as_json: bool) -> None:
-    """Print what was written, the motor, and every guess with its rule."""
+    """Print what was written, the motor, every guess with its rule, and what is left open."""
+    from gantryctl.engineering.drafting.open_items import brake_overload
     from gantryctl.engineering.drafting.writing import guess_lines
 
+    overload = brake_overload(made.machine())
     found = {"sheet": guess_lines(sheet) if sheet else [], "machine": guess_lines(made.values)}
     if as_json:
         print_json(
-            {"written": [str(path) for path in written], "motor": made.fit.motor.name, "guesses": found}
+            {
+                "written": [str(path) for path in written],
+                "motor": made.fit.motor.name,
+                "guesses": found,
+                "brake_overload": None if overload is None else overload._asdict(),
+            }
         )
         return
     click.echo(f"wrote {' and '.join(str(path) for path in written)}: motor {made.fit.motor.name}")
     for what, lines in found.items():
         show_guesses(what, lines)
+    if overload is not None:
+        click.echo(f"\nopen: {overload.text}")
     click.echo(f"\nnext: gantryctl config check {written[-1]}")
+    click.echo(f"what gears of its grade give: gantryctl accuracy run --config {written[-1]} --ensemble 32")
 
 
 def show_guesses(what: str, lines: Sequence[str]) -> None:

@@ -13,6 +13,7 @@ from gantryctl.engineering.accuracy.report.data import report_data, report_json,
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside
 from gantryctl.engineering.accuracy.report.text import text_report, text_table
 from gantryctl.engineering.accuracy.table import ErrorTable, RowKey, table_from_rows
+from gantryctl.engineering.accuracy.verdict import Conformity
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import Requirement
 
@@ -205,3 +206,20 @@ def test_single_steps_are_named(report: AccuracyReport) -> None:
     table = evaluate(procedure, procedure.targets_rad, 2.5)
     steps = dataclasses.replace(report, procedure=procedure, measured=table, true=None)
     assert "single steps" in text_report(steps)
+
+
+@pytest.mark.parametrize(
+    ("high_deg", "conformity"),
+    [(0.099, Conformity.PASS), (0.101, Conformity.UNDECIDED), (0.12, Conformity.UNDECIDED)],
+)
+def test_a_simulated_tracker_is_judged_by_the_spread_of_a_not_by_its_median(
+    report: AccuracyReport, high_deg: float, conformity: Conformity
+) -> None:
+    """A median of 0.095 deg within 0.1 deg is no PASS where one draw in ten lies beyond."""
+    spread = Distribution(median_deg=0.095, low_deg=0.09, high_deg=high_deg, draws=500)
+    judged = dataclasses.replace(report, a_measured=spread).verdict
+    assert judged.conformity is conformity
+    assert judged.passed is (True if conformity is Conformity.PASS else None)
+    # beyond by more than the spread it fails
+    failed = dataclasses.replace(spread, median_deg=0.13, high_deg=0.14)
+    assert dataclasses.replace(report, a_measured=failed).verdict.conformity is Conformity.FAIL

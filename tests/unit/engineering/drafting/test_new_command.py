@@ -6,8 +6,10 @@ import pytest
 from click.testing import CliRunner
 
 from gantryctl.cli.main import cli
+from gantryctl.engineering.drafting.open_items import brake_overload
+from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.errors import ConfigError, GantryctlError, UsageError
-from gantryctl.machine import config_hash, configs_folder, load_machine, origins
+from gantryctl.machine import config_hash, configs_folder, load_machine, origins, with_values
 
 MOTORS = configs_folder() / "motors"
 MACHINE = configs_folder() / "hust_gantry.toml"
@@ -213,3 +215,23 @@ def test_a_sheet_that_names_a_guess_it_does_not_have(tmp_path):
         ConfigError, match=r"\[sheet\] guesses: names load\.mass: there is no such key in a sheet"
     ):
         run("config", "init", "m.toml", "--sheet", "s.toml")
+
+
+def test_a_brake_that_overloads_the_reducer_is_left_open_with_what_would_help(tmp_path):
+    """The brake of the motor is the maker's. With the torque that is named, the true plant keeps the rating to 2 %."""
+    said = run("new", "rig", "--template", "tilt_table", "--json").output
+    found = json.loads(said)["brake_overload"]
+    assert found["torque_nm"] > 1.5 * found["momentary_nm"]
+    machine = load_machine("rig.toml")
+    share = found["brake_within_nm"] / found["brake_nm"]
+    weaker = with_values(machine, {"plant.brake.torque_share": share})
+    stop = worst_stop(weaker, StopClass.BRAKE, machine.speed.setting_max_deg_s)
+    assert stop.torque_reducer_nm == pytest.approx(found["momentary_nm"], rel=0.02)
+    # more than it holds the load with
+    assert found["brake_within_nm"] > machine.brake.test_torque_nm
+    told = run("new", "told", "--template", "tilt_table").output
+    assert (
+        "open: a brake stop from 6 deg/s puts 8614 N m on the reducer, which bears 4384 N m for a moment"
+        in told
+    )
+    assert brake_overload(load_machine(configs_folder() / "azimuth_dish.toml")) is None
