@@ -33,7 +33,7 @@ class BrakeOverload(NamedTuple):
         )
         return (
             f"a brake stop from {self.speed_deg_s:g} deg/s puts {self.torque_nm:.4g} N m on the reducer, which bears "
-            f"{self.momentary_nm:.4g} N m for a moment: {brake}a reducer of {self.torque_nm:.3g} N m momentary, or an "
+            f"{self.momentary_nm:.4g} N m for a moment: {brake}a reducer of {self.torque_nm:.4g} N m momentary, or an "
             "inspection after each"
         )
 
