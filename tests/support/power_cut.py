@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -91,28 +92,34 @@ class Disk(apsw.VFS):
     def connect(self, path: Path, synchronous: str = "") -> Connection:
         return Connection(apsw.Connection(str(path), vfs=f"remembers-{id(self)}"), synchronous)
 
-    def after_cut(self, steps: int, root: Path, chance: random.Random) -> None:
-        """Write below another root what a disk may hold when power goes off after so many steps."""
+    def after_cuts(self, cuts: Iterable[int], root: Path, chance: random.Random) -> Iterator[int]:
+        """Write below another root what a disk may hold when power goes off after so many steps; for each of them.
+
+        Args:
+            cuts: in ascending order.
+        """
         whole: dict[str, bytearray] = defaultdict(bytearray)
         synced: dict[str, bytes] = {}
         loose: dict[str, list[Step]] = defaultdict(list)
-        for step in self.steps[:steps]:
-            if step.kind == "kept":
-                continue
-            if step.kind == "sync":
-                synced[step.file], loose[step.file] = bytes(whole[step.file]), []
-            elif step.kind == "delete":
-                for kept in (whole, synced, loose):
-                    kept.pop(step.file, None)
-            else:
-                _apply(whole[step.file], step)
-                loose[step.file].append(step)
-        for name in whole:
-            content = bytearray(synced.get(name, b""))
-            for step in loose[name]:
-                _apply(content, step, chance)
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_bytes(content)
+        done = 0
+        for cut in cuts:
+            for step in self.steps[done:cut]:
+                if step.kind == "sync":
+                    synced[step.file], loose[step.file] = bytes(whole[step.file]), []
+                elif step.kind == "delete":
+                    for kept in (whole, synced, loose):
+                        kept.pop(step.file, None)
+                elif step.kind != "kept":
+                    _apply(whole[step.file], step)
+                    loose[step.file].append(step)
+            done = cut
+            for name in whole:
+                content = bytearray(synced.get(name, b""))
+                for step in loose[name]:
+                    _apply(content, step, chance)
+                (root / name).parent.mkdir(parents=True, exist_ok=True)
+                (root / name).write_bytes(content)
+            yield cut
 
 
 def _apply(content: bytearray, step: Step, chance: random.Random | None = None) -> None:

@@ -181,14 +181,15 @@ def test_this_test_can_fail_without_mirrors_a_bit_of_the_log_takes_events_along(
 @pytest.mark.slow
 @pytest.mark.timeout(14400)
 def test_every_bit_of_sixty_events(root: Path, evidence: Evidence) -> None:
-    """Verified for every bit; started for one bit of every byte."""
+    """Verified for every bit; started for one bit of every 16 bytes."""
     crashed, chance = Crashed(root, EVENTS, EVENTS // 2), random.Random(2)
     figures: dict[str, object] = {"events": EVENTS}
     for name in (FILE, LOG):
         found = crashed.verified(name, range(crashed.size(name)))
         crashed.restore()
-        bytes_of = range(crashed.size(name) // 8)
-        begun = crashed.started(name, (8 * at + chance.randrange(8) for at in bytes_of))
+        begun = crashed.started(
+            name, (at + chance.randrange(128) for at in range(0, crashed.size(name), 128))
+        )
         figures[name] = {
             "bits": crashed.size(name),
             "noticed": found["noticed"],

@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -63,11 +64,11 @@ def cuts(root: Path, synchronous: str, count: int) -> tuple[int, int, int]:
     first = next(i for i, step in enumerate(disk.steps) if step.kind == "kept")
     key = places_of(disk.root / "state" / "machine").key
     lost = broken = 0
-    for _ in range(count):
-        at = chance.randrange(first + 1, len(disk.steps) + 1)
-        kept = max(step.offset for step in disk.steps[:at] if step.kind == "kept")
-        place = root / "cut" / "state" / "machine"
-        disk.after_cut(at, root / "cut", chance)
+    points = sorted(chance.randrange(first + 1, len(disk.steps) + 1) for _ in range(count))
+    acknowledged = list(accumulate((step.offset if step.kind == "kept" else 0 for step in disk.steps), max))
+    place = root / "cut" / "state" / "machine"
+    for at in disk.after_cuts(points, root / "cut", chance):
+        kept = acknowledged[at - 1]
         shutil.copy(key, places_of(place).key)
         reopened = Journal(place)
         reopened.close()
