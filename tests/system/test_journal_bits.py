@@ -170,6 +170,39 @@ def test_bits_of_every_page_and_frame(root: Path) -> None:
     assert crashed.started(FILE, [8 * PAGE - 1])["noticed"]
 
 
+def damaged(data: bytes, chance: random.Random) -> bytes:
+    """Bytes changed, a part cleared, cut off, two pages swapped, or something else altogether."""
+    at, other = chance.randrange(len(data)), chance.randrange(len(data)) // PAGE * PAGE
+    page, swapped = data[at // PAGE * PAGE :][:PAGE], data[other:][:PAGE]
+    return chance.choice(
+        [
+            bytes(b ^ (chance.random() < 0.01) for b in data),
+            data[:at] + bytes(min(3000, len(data) - at)) + data[at + 3000 :],
+            data[:at],
+            data.replace(page, swapped, 1),
+            chance.randbytes(at % 9000),
+            data,
+        ]
+    )
+
+
+def test_whatever_the_files_are_verify_and_start_say_so_and_nothing_is_lost_unnoticed(root: Path) -> None:
+    crashed, chance = Crashed(root, EVENTS, EVENTS // 2), random.Random(4)
+    mirrors = places_of(crashed.directory).mirrors
+    told: Counter[bool] = Counter()
+    for _ in range(80):
+        for path in (crashed.directory / FILE, crashed.directory / LOG, mirrors[chance.randrange(2)]):
+            path.write_bytes(damaged(crashed.whole[path], chance))
+        verdict = verify(crashed.directory)
+        assert verdict.wrong or read_journal(crashed.directory) == crashed.right
+        journal = Journal(crashed.directory)
+        journal.close()
+        told[journal.locked] += 1
+        assert journal.locked or read_journal(crashed.directory)[:EVENTS] == crashed.right
+        crashed.restore()
+    assert told[True] > told[False] > 0
+
+
 def test_this_test_can_fail_without_mirrors_a_bit_of_the_log_takes_events_along(root: Path) -> None:
     crashed = Crashed(root, EVENTS, EVENTS // 2)
     for path in places_of(crashed.directory).mirrors:

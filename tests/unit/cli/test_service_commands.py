@@ -153,3 +153,37 @@ def test_a_certificate_that_has_expired_is_refused(tmp_path: Path) -> None:
     key.chmod(0o600)
     assert f"old.pem: expired on {now - timedelta(days=1):%Y-%m-%d}" in refused(*listen, old)
     assert "is no certificate" in refused(*listen, key)
+
+
+def test_a_copy_of_the_journal_is_made_compared_and_checked_without_the_key(root: Path) -> None:
+    directory, copy = root / default_machine().name, root / "copy.sqlite"
+    made = Journal(directory)
+    record = json.dumps({"utc": "2026-01-01", "monotonic_ns": 1, "kind": "command", "text": "stop: done"})
+    made.append(1, 0, 1, [record.encode()] * 3)
+    assert done("journal", "copy", copy).out == f"events up to 3 in {copy}\n"
+    made.append(1, 0, 4, [record.encode()] * 2)
+    made.close()
+    said = done("journal", "verify", "--copy", copy).out
+    assert said.endswith("copy: 3 events alike, 2 newer ones only in the journal\n")
+    assert done("journal", "copy", copy).out == f"events up to 5 in {copy}, 2 of them new\n"
+    assert (
+        done("journal", "verify", "--file", copy, "--without-key").out
+        == "5 events, chain intact, seals not checked\n"
+    )
+    key = places_of(directory).key.rename(root / "kept.key")
+    assert "journal's key cannot be read" in cli("journal", "verify").err
+    assert done("journal", "verify", "--file", copy, "--key", key).out == "5 events, chain and seals intact\n"
+    assert "not both" in refused("journal", "verify", "--key", key, "--without-key")
+    (directory / "journal.sqlite").unlink()
+    lost = cli("journal", "verify", "--key", key)
+    assert lost.code == 1
+    assert "the journal is gone: event 5 was there" in lost.out
+    assert "missing  1 to 5" in lost.out
+    damaged = bytearray(copy.read_bytes())
+    damaged[damaged.index(b"stop: done")] ^= 1
+    copy.write_bytes(damaged)
+    answer = cli("journal", "verify", "--file", copy, "--key", key, "--json")
+    assert answer.code == 1
+    (changed,) = answer.json["changed"]
+    assert changed[0] == changed[1]  # one event; the others are certain
+    assert sum(last - first + 1 for first, last in answer.json["certain"]) == 4
