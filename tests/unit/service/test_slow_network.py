@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from gantryctl.machine import with_values
+from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Said
 from gantryctl.service.clients import hub
 from gantryctl.service.command import frame_clock
@@ -377,6 +378,24 @@ def test_a_liar_moves_nothing_longer_and_one_that_is_believed_is_seen(
     if not planted:
         assert axis.starts == 1
         assert not axis.moving
+
+
+def test_the_program_ends_the_lease_by_the_same_frame_when_the_operator_does_not(
+    memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It counts scans from the issue of the frame: over 60 ms each way its count from arrival would end 60 ms late."""
+    monkeypatch.setattr(HoldToRun, "check", lambda *_: False)
+    axis = axis_of(memory)
+    screen = axis.sit_down(Network(0.060))
+    axis.begin(screen)
+    screen.press(True)
+    axis.run(0.8)
+    assert axis.moving
+    screen.to_screen.frozen = True
+    seen_s = screen.seen_s
+    axis.run(1.5)
+    assert axis.moved_s <= seen_s + axis.lease_s + RAMP_S + SCANS_OF_TOLERANCE * axis.bench.engine.period_s
+    assert axis.bench.axis.alarms.history[-1].definition.code is Code.CTL_15
 
 
 def test_a_press_that_is_sent_again_starts_nothing(memory: SharedMemory) -> None:
