@@ -521,7 +521,7 @@ def test_a_reason_too_long_for_a_reply_is_refused_without_its_values_and_stops_n
 def test_a_machine_file_that_has_changed_since_the_start_starts_no_controller(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "die_with_parent", lambda: None)
+    monkeypatch.setattr(process, "die_with_parent", lambda _: None)
     memory, config = SharedMemory.create(), tmp_path / "machine.toml"
     config.write_bytes(default_machine_path().read_bytes())
     before = config_hash(load_machine(config))

@@ -41,6 +41,7 @@ from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.controller.retainer import Retainer
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.frame_ring import RingFrames
+from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_json
@@ -109,6 +110,7 @@ class Controller:
             newest = max(words[Word.RECORDING], retained.power_ups, next_number(store.traces) - 1)
             words[Word.RECORDING] = newest
             self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
+            self._held_up = HeldUp("controller", partial(self.events.put, "service"), self.operator.now)
             self._frames = AlarmFrames(self.axis.alarms, store.traces)
             self._powered = False
             self._resets = self._lost_rows = 0
@@ -169,6 +171,7 @@ class Controller:
 
     def _after_scan(self, publisher: Publisher) -> bool:
         """Answer, watch, publish; True ends the run."""
+        self._held_up.look()
         self.operator.settle()
         self._watch()
         publisher.scan()

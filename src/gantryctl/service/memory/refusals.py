@@ -151,6 +151,6 @@ class RefusalLog:
         text, values = cause.text, cause.values
         if cause.rows or count > 1:
             span_s = now_s - cause.since_s
-            text = f"{text}; {count} times in {span_s:.0f} s"
+            text = f"{text}; {'once' if count == 1 else f'{count} times'} in {span_s:.0f} s"
             values = {**values, "count": count}
         return self._events.put(cause.kind, text, cause.who, **values)
