@@ -69,6 +69,7 @@ ROWS: Final = (
         reaction=_TORQUE_OFF,
         codes=(
             Code.BRK_05,
+            Code.BRK_14,
             Code.CTL_07,
             Code.CTL_03,
             Code.CTL_05,
