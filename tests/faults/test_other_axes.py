@@ -28,7 +28,7 @@ OPEN = {
     ("my_gantry", "C10"),
     ("my_crane_slew", "C5"),
     ("my_crane_slew", "C10"),
-    # The wind holds a part of the torque already: a load that shifts by 0.68 of the rated torque is a stop, not a warning.
+    # The wind holds a part of the torque already: a shift by 0.68 of the rated torque is a stop, not a warning.
     ("my_crane_slew", "B7"),
     # Friction of the bearing is two thirds of the torque: what drags is less than 15 % of the rated torque beyond it.
     ("my_wind_turbine_yaw", "C2"),
