@@ -11,11 +11,13 @@ from gantryctl.image import DriveFeedback, DriveRequest, Mode, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.axis.turns import Turns
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.recovery import StopRecord
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import rad
 from gantryctl.wiring.engine import build_engine, drive_of
+from support.modulo_machine import modulo_machine
 from support.oracle import limits
 from support.oracle.limits import StopClass
 from support.oracle.taps import Oracle
@@ -26,9 +28,9 @@ RATIO = default_machine().axis.ratio
 class Bench:
     """The shipped program on a simulated gantry, standing at 90 deg, where the load pulls most."""
 
-    def __init__(self, at_deg: float = 90.0, **changes: object) -> None:
+    def __init__(self, at_deg: float = 90.0, machine: Machine | None = None, **changes: object) -> None:
         values = {path.replace("__", "."): value for path, value in changes.items()}
-        self.machine: Machine = with_values(default_machine(), values)
+        self.machine: Machine = with_values(machine or default_machine(), values)
         self.drive = drive_of(self.machine, at_deg)
         self.engine: Engine = build_engine(self.machine, self.drive)
 
@@ -229,9 +231,35 @@ def stopped(bench: Bench) -> None:
     bench.engine.run_for(4.0)
 
 
+def turning() -> Bench:
+    """An axis that turns without end; at rest at 290 deg a turn goes into its zero."""
+    bench = Bench(250.0, modulo_machine({"encoder.turns": 4096, "plant.encoder.mounting_turns": 2048}))
+    bench.up().op(move=True, relative=True, target_rad=rad(40.0), speed_rad_s=rad(6.0))
+    bench.op(move=False)
+    bench.engine.run_for(14.0)
+    return bench
+
+
+def a_turn_that_is_not_whole(patch: pytest.MonkeyPatch) -> None:
+    true = Turns.move_on
+    # 0.2 deg of the axis.
+    off = 0.2 / 360.0 * default_machine().counts_per_turn * RATIO
+    patch.setattr(Turns, "move_on", lambda turns, made: true(turns, made) + off)
+    turning()
+
+
+def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(
+        Turns, "due", lambda turns, pos_rad, **_: round(pos_rad / math.tau) if abs(pos_rad) > 4.6 else 0
+    )
+    turning()
+
+
 @pytest.mark.parametrize(
     ("invariant", "liar"),
     [
+        ("INV-7", a_turn_that_is_not_whole),
+        ("INV-7", a_zero_that_moves_under_a_motion_to_an_angle),
         ("INV-1", a_brake_without_strength),
         pytest.param("INV-1", a_drive_that_goes_on_without_commands, marks=pytest.mark.can),
         pytest.param("INV-1", a_drive_that_goes_on_slowly_without_commands, marks=pytest.mark.can),
@@ -279,6 +307,12 @@ def test_a_sound_run_is_passed(period_ms: float, oracle: Oracle) -> None:
 
 
 @pytest.mark.can
+def test_a_sound_zero_that_moves_on_is_passed(oracle: Oracle) -> None:
+    bench = turning()
+    assert bench.engine.program.axis.turns._turns == 1
+    assert not oracle.violations
+
+
 @pytest.mark.parametrize("owner", ["drive", "object_60FE"])
 def test_a_sound_run_over_the_bus_is_passed(owner: str, oracle: Oracle) -> None:
     bench = Bench(drive__kind="canopen", control__scan_period_ms=4.0, brake__owner=owner)

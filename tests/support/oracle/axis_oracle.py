@@ -69,8 +69,9 @@ class AxisOracle:
     **INV-6, the load is held.** Torque on, or the brake closed, or closing for at most 0.2 s. The brake opens only
     while torque has been on for 10 ms. Torque is taken off only behind a closed brake, unless
     TORQUE OFF was told, or that the brake does not close; a drive that goes off by itself is told as such within 0.2 s.
-    **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; no
-    stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`).
+    **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; the
+    zero of a modulo axis moves by whole turns only, and not under a motion to an angle; no stop on the wire without
+    a first-out alarm; times, angles and states in its words are true (`words`).
 
     Args:
         found: takes each violation, the first of each invariant.
@@ -230,7 +231,10 @@ class AxisOracle:
         """The angle that is told in this scan, before the plant goes on."""
         angle = axis.pos_act_rad * self._ratio
         if axis.zero_counts != self._zero_counts:
-            self._zero_counts, self.offset = axis.zero_counts, angle - self.angle
+            begins = math.isnan(self._zero_counts)
+            self._zero_counts = axis.zero_counts
+            moved = angle - self.angle - self.offset
+            self.offset += moved if begins or not axis.settings.travel.endless else self._zero_moved(moved)
             self._low, self._high = self._travel(limits.TRAVEL_DEG)
         self._wrong = wrong = angle - self.angle - self.offset
         if not -self._told <= wrong <= self._told:
@@ -424,6 +428,24 @@ class AxisOracle:
         low, high = (self._low, self._high) if onset is None else self._travel(limits.STOPS_DEG)
         if not low <= self.angle <= high:
             self.say("INV-3", f"true angle {(self.angle + self.offset) / self._deg:.3f} deg")
+
+    def _zero_moved(self, moved: float) -> float:
+        """Move of the zero of an axis that turns without end, rad at the motor, as far as it may be.
+
+        It moves on by whole turns, and not under a motion to an angle; a new reference, by any angle, is for a program
+        of somebody's own and for an axis at rest.
+        """
+        virtual, turn = self._axis.virtual, 360.0 * self._deg
+        whole = turn * round(moved / turn)
+        # What is told in motion is some scans old.
+        late = abs(self.speed) * 3.0 * float(self._axis.settings.period_s)
+        referenced = abs(moved - whole) > self._told + late
+        moving = virtual.vel_ref_rad_s != 0.0
+        if referenced and (moving or type(self.program) is GantryProgram):
+            self.say("INV-7", f"the zero has moved by {self.deg(moved):.2f} deg, which is no whole turn")
+        elif moving and virtual.plan.vel_end == 0.0:
+            self.say("INV-7", f"the zero has moved by {self.deg(moved):.2f} deg under a motion to an angle")
+        return moved if referenced else whole
 
     def _travel(self, limit_deg: float) -> tuple[float, float]:
         """Motor angles of the travel by the zero of the machine; an axis that stands outside may stand there."""
