@@ -197,12 +197,12 @@ def a_wrong_angle_that_is_called_valid(patch: pytest.MonkeyPatch) -> None:
 def a_wrong_way_in_the_words(patch: pytest.MonkeyPatch) -> None:
     words = StopRecord._steps
 
-    def wrong(record: StopRecord) -> tuple[Words | Said, ...]:
+    def wrong(record: StopRecord, feedback: Feedback) -> tuple[Words | Said, ...]:
         return tuple(
             Words.MOVED_TO(way=float(str(step.values["way"])) + 0.2, position=step.values["position"])
             if isinstance(step, Said) and step.words is Words.MOVED_TO
             else step
-            for step in words(record)
+            for step in words(record, feedback)
         )
 
     patch.setattr(StopRecord, "_steps", wrong)
@@ -210,12 +210,12 @@ def a_wrong_way_in_the_words(patch: pytest.MonkeyPatch) -> None:
 
 
 def a_wrong_time_in_the_words(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(StopRecord, "_steps", lambda _: (Words.AT_REST_AFTER(time_ms=1.0),))
+    patch.setattr(StopRecord, "_steps", lambda *_: (Words.AT_REST_AFTER(time_ms=1.0),))
     stopped(Bench().moving())
 
 
 def nothing_was_switched_on(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(StopRecord, "_steps", lambda _: (Words.NOTHING_ON,))
+    patch.setattr(StopRecord, "_steps", lambda *_: (Words.NOTHING_ON,))
     stopped(Bench().moving())
 
 

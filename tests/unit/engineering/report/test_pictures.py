@@ -21,7 +21,7 @@ from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.engineering.report.recording import recorded
 from gantryctl.engineering.stops import stop_table
 from gantryctl.engineering.stops.page import render_stops
-from gantryctl.machine import Machine, default_machine, load_machine
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine
 from gantryctl.units import DEG_S_PER_R_MIN, Dial
 from support.command_line import cli, done
 from support.figure_faults import faults_of, watched
@@ -29,6 +29,8 @@ from support.reports import CAMPAIGN, HEAD
 
 # The reference, a dish of 5e6 kg m2 with 0.333 r/min, a table of 50 kg m2 with 5 r/min.
 MACHINES = ("reference", "telescope_azimuth", "rotary_table")
+# The two machines that are delivered beside the reference.
+DELIVERED = ("configs/azimuth_dish", "configs/rotary_table")
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +39,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path | No
     folder = tmp_path_factory.mktemp("machines")
 
     def file(name: str) -> Path | None:
+        if name in DELIVERED:
+            return configs_folder() / f"{Path(name).name}.toml"
         path = folder / f"{name}.toml"
         if name == "reference" or path.exists():
             return None if name == "reference" else path
@@ -59,7 +63,7 @@ def good(found: dict[str, list[str]], least: int) -> None:
     assert not {name: faults for name, faults in found.items() if faults}
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", [*MACHINES, *DELIVERED])
 def test_speed_test(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     highest_r_min = machine.speed.setting_max_deg_s / DEG_S_PER_R_MIN
     with watched(monkeypatch) as found:
@@ -77,7 +81,7 @@ def test_analysis(machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", [*MACHINES, "configs/rotary_table"])
 def test_whatever_a_command_draws(
     files: Callable[[str], Path | None], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -99,7 +103,7 @@ def test_whatever_a_command_draws(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["reference", "telescope_azimuth", "tilt_table"])
+@pytest.mark.parametrize("name", ["reference", "telescope_azimuth", "tilt_table", *DELIVERED])
 def test_stops_at_every_speed(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     with watched(monkeypatch) as found:
         render_stops(machine, stop_table(machine), None, HEAD)
