@@ -86,7 +86,8 @@ def _moved(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str
     if not abs(values["way"] - moved) <= limits.TOLD_DEG:
         yield f"moved {values['way']:.3f} deg is told, true {moved:.3f}"
     position = true.deg(true.angle + true.offset)
-    if not abs(values["position"] - position) <= limits.TOLD_DEG:
+    # Within the turn that people read: whole turns are no difference.
+    if not abs(math.remainder(values["position"] - position, 360.0)) <= limits.TOLD_DEG:
         yield f"position {values['position']:.3f} deg is told, true {position:.3f}"
 
 
