@@ -1,0 +1,260 @@
+"""Each process of a service is frozen for a time or killed, at rest, in a jog and in a move: what the axis does."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gantryctl.engineering.stops import StopClass, worst_stop
+from gantryctl.machine import Machine, default_machine
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.reading import read_journal
+from gantryctl.service.supervisor.users import Users
+from support.service_process import PASSWORD, Service
+
+VICTIMS = ("recorder", "gateway", "controller", "supervisor")
+STATES = ("at rest", "jog", "move")
+KILL = math.inf
+FROZEN_S = (0.1, 0.5, 2.0, 5.0, KILL)
+SPEED_DEG_S = 1.0
+PRESSES = 10
+"""A computer that is busy loses a key now and then; it is pressed again."""
+WITHIN_S = 0.2
+"""Between the reading of the angle and the signal, and between two looks at it afterwards, on a busy computer."""
+
+
+class Strike(NamedTuple):
+    """What is done to which process, and when; `frozen_s` is KILL for a kill."""
+
+    victim: str
+    state: str
+    frozen_s: float
+
+    @property
+    def loses_key(self) -> bool:
+        """Whether a key that is held is let go by it: the gateway is away for longer than a lease."""
+        return self.victim in ("gateway", "controller") and self.frozen_s > 0.3
+
+
+def limit_deg(machine: Machine, strike: Strike) -> float:
+    """Way from the strike to rest by the stop table; inf where the motion goes on."""
+    moving = strike.state != "at rest"
+    speed = SPEED_DEG_S if moving else 0.0
+    before = speed * WITHIN_S + 0.02
+    ramp = worst_stop(machine, StopClass.JOG_RELEASE, SPEED_DEG_S).angle_deg if moving else 0.0
+    if strike.victim == "controller":
+        # The plant of the virtual gantry stands still with its scan: a key is let go, a move goes on.
+        if strike.state == "at rest":
+            return before
+        return before + ramp + speed * 0.3 if strike.loses_key and strike.state == "jog" else math.inf
+    if strike.victim == "supervisor" and strike.frozen_s == KILL:
+        return before + ramp
+    if strike.loses_key and strike.state == "jog":
+        return before + ramp + speed * (machine.monitors.lease_ms * 1e-3 + 0.05)
+    return math.inf if moving else before
+
+
+def words(strike: Strike) -> str:
+    """What the journal must say; "" for what does no harm and is too short to be told."""
+    killed = strike.frozen_s == KILL
+    match strike.victim:
+        case "controller" if killed:
+            return "SYS-05"
+        case "supervisor" if killed:
+            return "SYS-06 supervisor"
+        case _ if killed:
+            return f"SYS-06 {strike.victim}"
+        case "gateway" | "controller" if strike.loses_key and strike.state == "jog":
+            return "hold-to-run"
+        case victim if strike.frozen_s > 1.0:
+            return f"{victim} was held up"
+    return ""
+
+
+class Struck:
+    """A service that is struck again and again.
+
+    Args:
+        root: state root.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.machine = root, default_machine()
+        self.service = self._started()
+        self.page = self.service.page("service")
+
+    def _started(self) -> Service:
+        return Service(self.root).__enter__()
+
+    def strike(self, strike: Strike) -> dict[str, Any]:
+        """Strike once; what came of it."""
+        self.bring_to(strike.state)
+        seen = len(self.texts())
+        lost = self.page.tags["trace_rows_lost"]
+        begin_deg = self.angle_deg()
+        pid = self.service.process.pid if strike.victim == "supervisor" else self.service.child(strike.victim)
+        os.kill(pid, signal.SIGKILL if strike.frozen_s == KILL else signal.SIGSTOP)
+        struck_s = time.monotonic()
+        if strike.frozen_s != KILL:
+            self.wait(strike.frozen_s)
+            os.kill(pid, signal.SIGCONT)
+            struck_s = time.monotonic()
+        back_s = self.back(strike, struck_s)
+        rest_deg = self.rested(strike)
+        limit, wanted = limit_deg(self.machine, strike), words(strike)
+        told = self.texts()[seen:]
+        until_s = time.monotonic() + 10.0
+        while not any(wanted in text for text in told) and time.monotonic() < until_s:
+            self.wait(0.1)
+            told = self.texts()[seen:]
+        # The plant of the virtual gantry dies with its controller.
+        judged = math.isfinite(limit) and (strike.victim, strike.frozen_s) != ("controller", KILL)
+        way_deg = abs(rest_deg - begin_deg)
+        return {
+            "victim": strike.victim,
+            "state": strike.state,
+            "strike": "kill" if strike.frozen_s == KILL else f"frozen {strike.frozen_s:g} s",
+            "way_deg": round(way_deg, 3) if judged else None,
+            "limit_deg": round(limit, 3) if judged else None,
+            "back_s": round(back_s, 2),
+            "told": next((text for text in told if wanted in text), "") if wanted else None,
+            "rows_lost": int(self.page.tags["trace_rows_lost"])
+            - (0 if strike.victim in ("controller", "supervisor") else lost),
+            "right": (not judged or way_deg <= limit)
+            and (not wanted or any(wanted in text for text in told)),
+        }
+
+    def texts(self) -> list[str]:
+        return [row.values["text"] for row in read_journal(self.service.directory, limit=1_000_000)]
+
+    def angle_deg(self) -> float:
+        """As the page shows it."""
+        self.page.look()
+        return float(self.page.tags["pos_act_deg"])
+
+    def bring_to(self, state: str) -> None:
+        """Power on, at rest, in a jog or in a move at full speed."""
+        self.ask("take", over=True)
+        page = self.page
+        for _ in range(10):
+            if page.tags["alarm_count"] or page.tags["blocked_by"]:
+                page.until(lambda tags: tags["power_phase"] == "off")
+                if page.tags["reset_locked"]:
+                    self.ask("arm", action="reset_locked")
+                self.ask("reset")
+                page.until(lambda tags: True)
+            if not page.tags["power"]:
+                page.ask("power", on=True)
+            with suppress(AssertionError):
+                end_s = time.monotonic() + 5.0
+                while not page.tags["power"] and time.monotonic() < end_s:
+                    page.look()
+                    page.say("alive")
+            if page.tags["power"]:
+                break
+        page.until(lambda tags: tags["at_rest"] and bool(tags["power"]))
+        self.ask("set", tag="speed_setting_deg_s", value=SPEED_DEG_S)
+        self.lease = ""
+        forward = page.tags["pos_act_deg"] < 0.0
+        fast = 0.98 * SPEED_DEG_S
+        if state == "jog":
+            self.ask("mode", mode="continuous")
+            for _ in range(PRESSES):
+                self.lease = os.urandom(8).hex()
+                self.ask("jog", lease=self.lease, direction="forward" if forward else "reverse")
+                page.until(lambda tags: abs(tags["vel_act_deg_s"]) > 0.02, renew=self.lease)
+                page.until(
+                    lambda tags: tags["at_rest"] or abs(tags["vel_act_deg_s"]) > fast, renew=self.lease
+                )
+                if not page.tags["at_rest"]:
+                    return
+        elif state == "move":
+            self.ask("move", target_deg=60.0 if forward else -60.0)
+            page.until(lambda tags: abs(tags["vel_act_deg_s"]) > fast)
+
+    def ask(self, kind: str, **values: Any) -> None:
+        """A command; sent again when the picture was too old."""
+        for _ in range(20):
+            reply = self.page.ask(kind, **values)
+            if reply["ok"]:
+                return
+            self.page.look()
+        raise AssertionError(reply)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass; a key stays held, and control is kept."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            with suppress(Exception):
+                self.page.say("renew", lease=self.lease) if self.lease else self.page.say("alive")
+            time.sleep(0.03)
+
+    def back(self, strike: Strike, struck_s: float) -> float:
+        """Wait until everything works again: page, local socket, controller and journal."""
+        if strike.victim == "supervisor" and strike.frozen_s == KILL:
+            self.wait(1.0)
+            self.service.end()
+            until_s = time.monotonic() + 30.0
+            while True:  # the others end in order first
+                struck_s = time.monotonic()
+                try:
+                    self.service = self._started()
+                    break
+                except AssertionError:
+                    assert time.monotonic() < until_s
+        until_s = time.monotonic() + 60.0
+        renewed = strike.victim in ("gateway", "supervisor") or strike.frozen_s == KILL
+        while time.monotonic() < until_s:
+            with suppress(Exception):
+                if renewed:
+                    self.page.__exit__()
+                    self.page = self.service.page("service")
+                self.page.look()
+                # The reply of `set` waits for the disk: gateway, controller and recorder have all done their part.
+                if self.page.ask("take", over=True)["ok"] and self._set_and_kept():
+                    return time.monotonic() - struck_s
+            time.sleep(0.05)
+        raise AssertionError(f"not back after 60 s: {strike}")
+
+    def _set_and_kept(self) -> bool:
+        self.page.look()
+        reply = self.page.ask("set", tag="increment_deg", value=1.0)
+        return bool(reply["ok"] and not reply["code"])
+
+    def rested(self, strike: Strike) -> float:
+        """Let the key go if it is held, and wait for rest where the strike ends the motion."""
+        goes_on = math.isinf(limit_deg(self.machine, strike)) and strike.state == "move"
+        if not goes_on:
+            self.page.until(lambda tags: tags["at_rest"] or not tags["power"])
+        self.page.ask("stop")
+        at = float(self.page.look()["pos_act_deg"])
+        self.page.until(lambda tags: bool(tags["at_rest"]) or not tags["power"])
+        return at
+
+
+def strikes(root: Path) -> dict[str, Any]:
+    """All strikes, and what the journal looks like afterwards."""
+    Users(root).add("service", Role.SERVICE, PASSWORD)
+    runs, struck = [], Struck(root)
+    try:
+        for victim in VICTIMS:
+            for state in STATES:
+                for frozen_s in FROZEN_S:
+                    runs.append(struck.strike(Strike(victim, state, frozen_s)))
+                    print(json.dumps(runs[-1]))
+    finally:
+        struck.service.end()
+    directory = struck.service.directory
+    numbers: dict[tuple[int, int], list[int]] = {}
+    for row in read_journal(directory, limit=1_000_000):
+        if row.values["boot"]:
+            numbers.setdefault((row.values["boot"], row.values["source"]), []).append(row.values["number"])
+    gaps = sum(found != list(range(1, len(found) + 1)) for found in numbers.values())
+    return {"runs": runs, "journal": verify(directory).wrong or "intact", "gaps_in_numbers": gaps}
