@@ -20,6 +20,8 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.service.recorder.journal.chain import first_hash
+from gantryctl.service.recorder.journal.mirror import read_mirror
 from gantryctl.service.recorder.journal.places import FILE, places_of
 from gantryctl.service.recorder.journal.proof import Verdict, verify
 from gantryctl.service.recorder.journal.reading import read_journal
@@ -201,6 +203,15 @@ def test_whatever_the_files_are_verify_and_start_say_so_and_nothing_is_lost_unno
         assert journal.locked or read_journal(crashed.directory)[:EVENTS] == crashed.right
         crashed.restore()
     assert told[True] > told[False] > 0
+
+
+def test_a_bit_of_what_says_where_the_journal_begins_hides_no_event(root: Path) -> None:
+    """Found by the test of every bit: the number of the last event taken out became 1, and event 1 was not told of."""
+    crashed = Crashed(root, EVENTS, EVENTS // 2)
+    newest = read_mirror(places_of(crashed.directory).mirrors[0], None).newest
+    assert newest is not None
+    hashed = crashed.whole[crashed.directory / FILE].rindex(first_hash(newest.anchor.journal).encode())
+    assert crashed.verified(FILE, range(8 * (hashed - 16), 8 * (hashed + 64)))["noticed"] > 8 * 64
 
 
 def test_this_test_can_fail_without_mirrors_a_bit_of_the_log_takes_events_along(root: Path) -> None:

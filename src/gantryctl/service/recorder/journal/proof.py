@@ -226,20 +226,7 @@ class _Check:
         self, known: Sequence[Anchor], anchors: Sequence[Anchor], newest: int, given: Sequence[Anchor]
     ) -> Verdict:
         """Check everything."""
-        base, last, said = (
-            self._base,
-            self._base_hash,
-            json.dumps({"base": self._base, "hash": self._base_hash}),
-        )
-        written_down = base == 0
-        if base == 0 and last != first_hash(self._journal):
-            self._tell("its name is not the one it began with")
-        if newest:
-            before = "SELECT seq, hash FROM events WHERE seq = (SELECT seq FROM head) - ?"
-            begin = next(self._rows(before, (newest,)), None)
-            if begin is not None:
-                base, last = begin
-                written_down = True
+        base, last = self._begin(newest)
         mine = of_journal([*anchors, *known], self._journal)
         mine_given = of_journal(given, self._journal)
         count, certain, found = base, True, 0
@@ -253,16 +240,31 @@ class _Check:
             certain = self._judge(row, last, self._compare(seq, row[-2], mine), certain)
             found += len(mine_given.get(seq, ())) if certain else 0
             last = row[-2]
-            written_down = written_down or row[-3] == said
         self._end(count, last, mine, known)
         if given and given[-1].journal != self._journal:
             self._tell("the last of the anchors given is of another journal", Fault.OTHER)
-        if not written_down:
-            self._tell(f"rows up to {base} were removed, and no event records it")
         return Verdict(
             self.certain.count, self.wrong, base + 1, found, self.fault,
             self.certain.all(), self.changed.all(), self.missing.all(), self._key is not None,
         )  # fmt: skip
+
+    def _begin(self, newest: int) -> tuple[int, str]:
+        """Number and hash before the first row to be judged."""
+        if newest:
+            before = "SELECT seq, hash FROM events WHERE seq = (SELECT seq FROM head) - ?"
+            for seq, digest in self._rows(before, (newest,)):
+                return seq, digest
+        start = first_hash(self._journal)
+        if self._base == 0 and self._base_hash != start:
+            self._tell("its name is not the one it began with")
+        if self._base == 0:
+            return 0, start
+        said = json.dumps({"base": self._base, "hash": self._base_hash})
+        if next(self._rows("SELECT 1 FROM events WHERE detail = ?", (said,)), None) is None:
+            # Then nothing says that less than everything must be there.
+            self._tell(f"rows up to {self._base} were removed, and no event records it")
+            return 0, start
+        return self._base, self._base_hash
 
     def _bytes(self) -> int:
         sizes = (self._path.with_name(self._path.name + ending) for ending in ("", *BESIDE[:1]))
