@@ -281,7 +281,7 @@ RULES: Final[dict[type, Rules]] = {
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.QUICK_STOPPING,
         number="_vel_start",
         count="_over_envelope",
-        fixed="_alarms _feedback _period_s _quick_dec",
+        fixed="_alarms _envelope _feedback _period_s _quick_dec",
     ),
     HoldWatch: Rules(
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.TORQUE_HOLD,
@@ -336,9 +336,10 @@ RULES: Final[dict[type, Rules]] = {
         same="_pulled _suspicious",
         number="_last_nm _mean_nm _missing _vel_start",
         count="_blocked _heavy _leap _lost",
-        fixed="_alarms _blocked_scans _effort_share _feedback _heavy_nm _heavy_scans _holding "
+        fixed="_alarms _blocked_scans _deviation_max _effort_nm "
+        "_effort_share _feedback _heavy_nm _heavy_scans _holding "
         "_known _leap_nm _leap_scans _lost_scans "
-        "_mean_share _nothing_nm _off_nm _off_scans _period_s _rated_nm _swing_scans",
+        "_mean_share _missing_max _nothing_nm _off_nm _off_scans _period_s _rated_nm _rise_nm _start _swing_scans",
         special={
             "_off": lambda watch, _: min(watch._off, _CAP),
             "_plus_scan": _since("_plus_scan"),
@@ -351,7 +352,7 @@ RULES: Final[dict[type, Rules]] = {
         count="_over _over_halt _wait",
         # What it has learned is a number without end; `world.py` has one that learns nothing.
         fixed="_alarms _feedback _halt_nm _holding _known _lasts _load_nm _mean_share _rated_nm _sample_scans "
-        "_virtual _warning_nm model",
+        "_per_acc _virtual _warning_nm model",
     ),
     BrakeWear: Rules(
         # The limit of these settings is never reached.
@@ -360,7 +361,7 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Oscillation: Rules(
         clock="_began _side _turns",
-        fixed="_alarms _half_scans _lasts_scans _period_s",
+        fixed="_alarms _half_scans _lasts_scans _period_s limit_rad_s",
         special={"_scan": _swing},
     ),
     # By these settings a reading may stand for ever, and the stub gives no torque against its motion.
@@ -377,7 +378,8 @@ RULES: Final[dict[type, Rules]] = {
         count="_brake _deviation_count _dwell _following _overspeed _saturation _standstill rest_scans",
         fixed="_alarms _band_base _band_per_speed _brake_scans _deviation _deviation_scans _dwell_scans _feedback "
         "_following_scans _holding _lead_s _look_ahead _overspeed_scans _period_s _ratio _saturation_scans "
-        "_settings _standstill_scans _tolerance_scans _torque_max _travel _trip _virtual _warning_ratio _window",
+        "_settings _standstill_scans "
+        "_swing_max _tolerance_scans _torque_max _travel _trip _virtual _warning_ratio _window",
     ),
     MotionCommands: Rules(
         same="_stop_execute brake_overdue state",

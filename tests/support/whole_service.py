@@ -64,6 +64,11 @@ class PageInProcess:
         elif "seq" in frame:
             self._replies[frame["seq"]] = frame
 
+    async def until_welcome(self) -> None:
+        """Wait for the name of this connection, to which its frames are sealed."""
+        while not self._client:
+            await asyncio.sleep(0.001)
+
     async def until(self, holds: Callable[[], bool], timeout_s: float = 60.0) -> None:
         """Let axis time pass until something holds."""
         engine = self.controller.engine
@@ -120,6 +125,7 @@ def with_page(machine: Machine, folder: Path, script: Callable[[PageInProcess], 
         served = asyncio.create_task(Live(access, hub).serve(WebSocket(scope, page.receive, page.send)))
         looking = asyncio.create_task(hub.run())
         try:
+            await page.until_welcome()
             await script(page)
         finally:
             for task in (served, looking):

@@ -136,7 +136,8 @@ def configured(tmp_path: Path) -> None:
 async def set_going(page: PageInProcess) -> None:
     """Control, power, and a move that is under way."""
     for kind, values in (("take", {"over": False}), ("power", {"on": True})):
-        assert (await page.ask(kind, **values))["ok"]
+        answer = await page.ask(kind, **values)
+        assert answer["ok"], str(answer)
     await page.until(lambda: page.controller.axis.state is AxisState.STANDSTILL)
     assert (await page.ask("move", target_deg=90.0))["ok"]
     await page.until(lambda: not page.controller.axis.at_rest)

@@ -96,7 +96,7 @@ def test_a_person_types_the_readings_and_may_be_interrupted(
     answer = cli(*order, "--out", out)
     assert answer.code == 0, answer.err
     assert "2 readings are there" in answer.out
-    assert "reads +2 deg again: has the instrument moved?" in answer.out
+    assert "reads 2 deg again: has the instrument moved?" in answer.out
     assert "'nonsense' is no angle in deg · asked again" in answer.out
     assert "readings: measured, read by " in answer.out
     assert "PASS: A as measured" in answer.out

@@ -112,7 +112,7 @@ def test_explain_knows_every_code() -> None:
 
 
 def test_encoder_show_and_set_zero() -> None:
-    assert rows("encoder", "show")["angle"] == "+0.00000 deg"
+    assert rows("encoder", "show")["angle"] == "0.00000 deg"
     assert "464.5 deg below the travel" in rows("encoder", "show")["wrap margin"]
     said = done("encoder", "set-zero", "--angle", "12.5", "--witness", "laser, protocol 7").out
     assert said.endswith("the axis stands at 12.5 deg (laser, protocol 7)\n")

@@ -352,7 +352,10 @@ ROWS: dict[str, Row] = {
     "monitors.following_error_per_speed_s": {"program.monitors.following_error_per_speed_s": 1.0},
     "monitors.following_error_warning_ratio": {"program.monitors.following_error_warning_ratio": 1.0},
     "monitors.following_error_time_ms": {"program.monitors.following_error_time_s": MS},
-    "monitors.velocity_deviation_deg_s": {"program.monitors.velocity_deviation_rad_s": DEG},
+    "monitors.velocity_deviation_deg_s": {
+        "program.monitors.velocity_deviation_rad_s": DEG,
+        "program.monitors.speed_change_base_rad_s": 0.4 * DEG,
+    },
     "monitors.velocity_deviation_time_ms": {"program.monitors.velocity_deviation_time_s": MS},
     "monitors.overspeed_time_ms": {"program.monitors.overspeed_time_s": MS},
     "monitors.standstill_window_deg": {"program.monitors.standstill_window_rad": DEG},
@@ -642,7 +645,7 @@ def keep_the_laws(patch: pytest.MonkeyPatch, given: list[Given]) -> None:
 
     patch.setattr(_core, "Compensation", made)
     patch.setattr(compensation, "check_calibration", lambda *_: SimpleNamespace(maps=maps))
-    patch.setattr(compensation, "_identified", lambda _: {})
+    patch.setattr(compensation, "_identified", lambda *_: {})
 
 
 def laws(machine: Machine, patch: pytest.MonkeyPatch, given: list[Given]) -> dict[str, Any]:

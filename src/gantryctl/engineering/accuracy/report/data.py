@@ -109,6 +109,8 @@ def table_data(table: ErrorTable) -> dict[str, Any]:
 
 
 def speed_data(run: SpeedRun) -> dict[str, Any]:
-    """One run of the speed test without its curves."""
-    figures = {name: plain(value) for name, value in vars(run).items() if name not in ("direction", "curves")}
+    """One run of the speed test without its curves; its angles are signed, as everywhere in JSON."""
+    figures = {
+        name: plain(value) for name, value in vars(run).items() if name not in ("direction", "curves", "dial")
+    }
     return {"direction": run.direction.value, **figures, "passed": run.passed}
