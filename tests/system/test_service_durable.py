@@ -57,9 +57,14 @@ def missing_at_reply(directory: Path, recorder: list[str], commands: int) -> int
     memory = SharedMemory.create()
     memory.words[Word.BOOT], memory.words[Word.SUPERVISOR] = 9, os.getpid()
     arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json(), "-1"]
-    process = subprocess.Popen([sys.executable, *recorder, *arguments], pass_fds=(memory.handle,))
+    process = subprocess.Popen(
+        [sys.executable, *recorder, *arguments],
+        pass_fds=(memory.handle,),
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},  # the liar is one of the tests
+    )
     log, missing = EventLog(memory.events[Source.CONTROLLER]), 0
     while not memory.words[Word.RECORDER_NS]:
+        assert process.poll() is None
         time.sleep(0.01)
 
     async def whole() -> None:

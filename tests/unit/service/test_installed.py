@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 import gantryctl
+from gantryctl import _core
 from gantryctl.errors import StateError
 from gantryctl.service.supervisor.installed import InstalledFiles, check_installed
 
@@ -148,11 +149,17 @@ def test_without_hashes_of_what_runs_there_is_nothing_to_compare_with(site: Path
 
 def run_of(site: Path, state: Path, *command: str) -> subprocess.CompletedProcess[str]:
     """Run Python with what is installed below `site`."""
+    # Without -S the hook of an editable install would come first.
+    others = [path for path in sys.path if path.endswith("site-packages")]
     return subprocess.run(
-        [sys.executable, *command],
+        [sys.executable, "-S", *command],
         check=False,
         cwd=state,
-        env={**os.environ, "PYTHONPATH": str(site), "GANTRYCTL_STATE": str(state)},
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(site), *others]),
+            "GANTRYCTL_STATE": str(state),
+        },
         capture_output=True,
         text=True,
         timeout=60,
@@ -162,6 +169,9 @@ def run_of(site: Path, state: Path, *command: str) -> subprocess.CompletedProces
 def test_one_changed_byte_of_an_installed_program_keeps_the_service_from_starting(tmp_path: Path) -> None:
     site = tmp_path / "site"
     shutil.copytree(SOURCES, site / "gantryctl")
+    # An editable install has the core elsewhere.
+    core = Path(_core.__file__)
+    shutil.copyfile(core, site / "gantryctl" / core.name)
     record(site, "gantryctl")
     check = "from gantryctl.service.supervisor.selftest import _installed; print(*_installed())"
     whole = run_of(site, tmp_path, "-c", check)
