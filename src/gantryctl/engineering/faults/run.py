@@ -21,6 +21,7 @@ from gantryctl.engineering.faults.limits import limit_deg
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.machine.places import heaviest_deg, reach_deg
+from gantryctl.machine.reference import is_reference_machine
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.units import deg
@@ -295,7 +296,8 @@ def _judged(
     first_out = first.code.value if first is not None else ""
     speed = abs(speed_deg_s) if case.phase.moves else 0.0
     seen_s = case.seen_after_s
-    if case.by_ramp:
+    # The way of the reference gantry is specified, with the time in which its ramp shows.
+    if case.by_ramp and not is_reference_machine(machine):
         seen_s += machine.monitors.velocity_deviation_deg_s / machine.virtual_axis.quick_dec_deg_s2
     limit = limit_deg(machine, case.reaction, speed) + speed * seen_s
     true_deg = bench.pos_deg + offset_deg
