@@ -26,12 +26,17 @@ from urllib.parse import quote
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, NOTICE = ROOT / "docs" / "reference" / "licences.md", ROOT / "NOTICE"
-EXTRAS = ("opcua", "cluster")
+LOCKED = ("run", "dev", "dist")
+EXTRAS = ("reports", "opcua", "cluster")
 # Not PyPI's: a header library that nanobind brings, compiled into `_core` with it.
 ROBIN_MAP = "robin-map"
 # What the wheel holds of other people's work: found by the modules in the chunks of `npm run build` and `build-report`,
 # and in `nanobind_add_module`.
 INSIDE = ("nanobind", ROBIN_MAP, "clsx", "svelte", "uplot")
+# What Zig links into the core: LLVM's libc++, libc++abi, libunwind and compiler-rt, at the version that it ships
+# (`__libcpp_version` in its lib/libcxx). The exception of their licence asks for no notice in what is compiled.
+LLVM = "LLVM run-time libraries"
+LLVM_IN_ZIG = {"0.17.1": "22.1.8"}
 
 # Licences read by a person in the packages' own files, where what they say of themselves is not an SPDX expression.
 READ = {
@@ -58,6 +63,10 @@ READ = {
     "lazy-importer": "Apache-2.0",
     "wait-for2": "Apache-2.0",
     "zipp": "MIT",
+    # Of `make dist` only.
+    "auditwheel": "MIT",
+    "pyelftools": "Unlicense",
+    "ziglang": "MIT",
 }
 NAMED = {
     "Apache 2.0": "Apache-2.0",
@@ -76,7 +85,7 @@ class Use(Enum):
 
     INSIDE = "Inside the wheel"
     RUN = "Installed with it"
-    EXTRA = "Installed with an extra (`opcua`, `cluster`)"
+    EXTRA = "Installed with an extra (`reports`, `opcua`, `cluster`)"
     BUILD = "For building and testing only"
 
 
@@ -107,17 +116,14 @@ class Part(NamedTuple):
 
 def parts() -> list[Part]:
     """Every part, by use and name."""
-    found = [*_python_parts(), *_page_parts(), _robin_map()]
+    found = [*_python_parts(), *_page_parts(), _robin_map(), _llvm()]
     return sorted(found, key=lambda part: (list(Use).index(part.use), part.name, part.version))
 
 
 def _python_parts() -> Iterator[Part]:
-    run, every = _locked("run"), _locked("dev")
-    extra = _closure(_own_needs())
-    for name, version, marker, hashes in sorted({*run, *every}):
-        use = Use.EXTRA if name in extra else Use.BUILD
-        if any(name == each[0] for each in run):
-            use = Use.RUN
+    always, extra = _closure(_own_needs(())), _closure(_own_needs())
+    for name, version, marker, hashes in sorted({each for file in LOCKED for each in _locked(file)}):
+        use = Use.RUN if name in always else Use.EXTRA if name in extra else Use.BUILD
         if name in INSIDE:
             use = Use.INSIDE
         sums = tuple(("SHA-256", digest) for digest in hashes)
@@ -138,12 +144,12 @@ def project() -> dict[str, Any]:
     return found
 
 
-def _own_needs() -> dict[str, list[str]]:
+def _own_needs(extras: Sequence[str] = EXTRAS) -> dict[str, list[str]]:
     """What pyproject.toml asks for, always and by extras: names, each with the extras that it is asked for with."""
     about = project()
     wanted = [
         *about["dependencies"],
-        *(each for extra in EXTRAS for each in about["optional-dependencies"][extra]),
+        *(each for extra in extras for each in about["optional-dependencies"][extra]),
     ]
     return {
         _canonical(each): re.findall(r"\w+", (re.search(r"\[(.*)\]", each) or [""] * 2)[1]) for each in wanted
@@ -219,6 +225,12 @@ def _robin_map() -> Part:
     return Part(ROBIN_MAP, version, Use.INSIDE, "MIT", "pkg:github/Tessil/robin-map", "", (), ())
 
 
+def _llvm() -> Part:
+    zig = next(version for name, version, *_ in _locked("dist") if name == "ziglang")
+    licence = "Apache-2.0 WITH LLVM-exception"
+    return Part(LLVM, LLVM_IN_ZIG[zig], Use.INSIDE, licence, "pkg:github/llvm/llvm-project", "", (), ())
+
+
 def _robin_header(name: str) -> str:
     folder = metadata.distribution("nanobind").locate_file("nanobind/ext/robin_map/include/tsl")
     return Path(str(folder), name).read_text(encoding="utf-8")
@@ -260,7 +272,7 @@ def notice(found: Sequence[Part]) -> str:
     """Licence texts of what the wheel contains."""
     said = ["The wheel of gantryctl contains, in compiled or minified form:\n"]
     for part in found:
-        if part.use is Use.INSIDE:
+        if part.use is Use.INSIDE and part.name != LLVM:
             said.append(f"{'-' * 80}\n{part.name} {part.version} ({part.licence})\n\n{_text(part).strip()}\n")
     return "\n".join(said)
 

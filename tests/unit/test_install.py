@@ -35,6 +35,11 @@ def test_every_runtime_dependency_is_locked() -> None:
         assert f"\n{name[0]}==" in f"\n{locked}"
 
 
+def test_what_reports_need_is_in_the_list_that_make_installs() -> None:
+    locked = (ROOT / "requirements" / "run.txt").read_text(encoding="utf-8")
+    assert {"matplotlib", "scipy"} <= {line.partition("==")[0] for line in locked.splitlines()}
+
+
 def test_no_lock_file_names_a_host() -> None:
     for file in (ROOT / "requirements").iterdir():
         assert "://" not in file.read_text(encoding="utf-8")

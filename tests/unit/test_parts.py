@@ -77,7 +77,7 @@ def test_the_bill_is_valid_cyclonedx(bill: dict[str, Any]) -> None:
 
 def test_the_bill_has_every_locked_package_with_every_hash(bill: dict[str, Any]) -> None:
     locked: dict[str, set[str]] = {}
-    for name in ("run", "build", "dev"):
+    for name in ("run", "build", "dev", "dist"):
         text = (ROOT / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
         for block in re.split(r"\n(?=\S)", text):
             package, version = block.split(maxsplit=1)[0].split("==")
@@ -94,7 +94,7 @@ def test_the_bill_has_every_locked_package_with_every_hash(bill: dict[str, Any])
 def test_the_bill_tells_what_runs_from_what_builds(bill: dict[str, Any]) -> None:
     scope = {each["name"]: each["scope"] for each in bill["components"]}
     assert {scope[name] for name in ("numpy", "python-can", "uvicorn", "svelte", "nanobind")} == {"required"}
-    assert {scope[name] for name in ("asyncua", "cryptography", "distributed", "tornado")} == {"optional"}
+    assert {scope[name] for name in ("asyncua", "matplotlib", "distributed", "tornado")} == {"optional"}
     assert {scope[name] for name in ("pytest", "ruff", "vite", "typescript")} == {"excluded"}
 
 

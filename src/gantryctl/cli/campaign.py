@@ -21,6 +21,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,6 +62,7 @@ def run(
     from gantryctl.engineering.campaign.reading import load_campaign
     from gantryctl.engineering.campaign.run import run_campaign, survey
 
+    need("scipy", *(["distributed"] if cluster else []))
     order = load_campaign(file)
     folder = out or Path(f"{order.name}.result")
     pool_of = _pool_of(threads, workers, cluster)

@@ -196,13 +196,25 @@ def run(args: list[str] | None = None) -> int:
     except Exception as bug:
         if os.environ.get(TRACEBACK_VARIABLE):
             raise
-        click.echo(
-            f"error: internal: {type(bug).__name__}: {bug}; this is a fault of gantryctl, please report it "
-            f"({TRACEBACK_VARIABLE}=1 shows where)",
-            err=True,
-        )
-        return 3
+        return _ended_by(bug)
     return result if isinstance(result, int) else 0
+
+
+def _ended_by(bug: Exception) -> int:
+    """Say what an error of no kind of ours was: an import for want of an extra, or a fault of this program."""
+    from gantryctl.extras import EXTRA_OF, ExtraMissing
+
+    package = (bug.name or "").partition(".")[0] if isinstance(bug, ModuleNotFoundError) else ""
+    if package in EXTRA_OF:
+        absent = ExtraMissing(package)
+        click.echo(f"error: {absent}", err=True)
+        return absent.exit_code
+    click.echo(
+        f"error: internal: {type(bug).__name__}: {bug}; this is a fault of gantryctl, please report it "
+        f"({TRACEBACK_VARIABLE}=1 shows where)",
+        err=True,
+    )
+    return DeviceError.exit_code
 
 
 def _one_line(wrong: click.ClickException) -> str:

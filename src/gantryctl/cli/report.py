@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from gantryctl.extras import need
+
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Head, Made, MeasuredBy
     from gantryctl.machine import Machine
@@ -23,6 +25,9 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def with_made(*args: Any, operator: str, witness: str, date: str | None, **given: Any) -> Any:
+        # Before the work that the report is about. Commands that write one without being asked do it themselves.
+        if given.get("out") is not None:
+            need("matplotlib")
         return command(*args, made=_made(operator, witness, date), **given)
 
     options = (

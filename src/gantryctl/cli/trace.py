@@ -10,6 +10,7 @@ import click
 
 from gantryctl.cli.options import PATH, NamedPath, json_option, print_done, print_json, write_text
 from gantryctl.cli.report import report_options
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -135,6 +136,8 @@ def plot(
     from gantryctl.errors import UsageError
     from gantryctl.trace.figure import chosen, draw, overview, save
     from gantryctl.trace.reader import read_trace
+
+    need("matplotlib")
 
     def shown(path: Path) -> ShownTrace:
         recording = _part(read_trace(path), start_s, end_s)

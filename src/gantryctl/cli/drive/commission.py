@@ -15,6 +15,7 @@ from gantryctl.cli.engineering.at_the_load import (
 )
 from gantryctl.cli.options import bus_log_option, config_option, directory, out_option, proven_machine
 from gantryctl.cli.report import head_of, report_options
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.commissioning import Commissioning, Step, StepResult
@@ -69,6 +70,7 @@ def commission(
     if dry_run:
         _announce()
         return 0
+    need("matplotlib")
     # Records of a virtual drive go to a place of their own: they prove nothing of a real one.
     root = state_root() / "simulated" if with_sim else None
     folder = directory(out or DEFAULT_OUT)

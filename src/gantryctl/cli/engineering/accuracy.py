@@ -36,6 +36,7 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.report import head_of, report_options
+from gantryctl.extras import need
 from gantryctl.units import SIGNED
 
 if TYPE_CHECKING:
@@ -119,6 +120,7 @@ def run_(
     from gantryctl.engineering.accuracy.procedure.procedures import Chord
     from gantryctl.engineering.report.head import MeasuredBy
 
+    need("matplotlib")
     machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
     if machine.on_bus:
         # The speed test comes from the compiled loop, which has no bus.
@@ -248,6 +250,7 @@ def report(
     from gantryctl.engineering.report.origin import Origin
     from gantryctl.machine import is_reference_machine, short_hash
 
+    need("matplotlib")
     machine = machine_of(config_file) if config_file is not None else None
     table = read_error_table(measured, radius_m)
     result = AccuracyReport(

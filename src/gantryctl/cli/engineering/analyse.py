@@ -22,6 +22,7 @@ from gantryctl.cli.options import (
     write_json,
 )
 from gantryctl.cli.text import paragraph, print_table
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.analysis.measured.response import MeasuredResponse
@@ -84,6 +85,8 @@ def analyse(
     from gantryctl.engineering.analysis.models.robust import robust_report
     from gantryctl.engineering.analysis.study import study
 
+    if plot:
+        need("matplotlib")
     machine = machine_of(config_file)
     # A machine that is simulated rigid is analysed rigid.
     kind = PlantKind(plant) if plant else PlantKind.RIGID if machine.plant.switches.rigid else PlantKind.FULL

@@ -29,6 +29,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
@@ -92,7 +93,9 @@ def compare(
     # Before half a minute of runs, not after it.
     if plants == 1:
         raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
-    # Before the runs: an ensemble may take hours.
+    # Before the runs: an ensemble may take hours. Each of its plants is identified.
+    if plants:
+        need("scipy")
     folder = None if out is None else directory(out)
     paper, improved = _machine(first), _machine(second)
     if paper.on_bus or improved.on_bus:

@@ -9,6 +9,7 @@ import click
 
 from gantryctl.cli.options import FINITE, PATH, config_option, json_option, machine_of, print_json
 from gantryctl.cli.text import print_table
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.faults.case import FaultCase
@@ -107,6 +108,8 @@ def run(
     from gantryctl.engineering.faults.run import run_fault
     from gantryctl.engineering.faults.text import result_data, result_lines
 
+    if out is not None:
+        need("matplotlib")
     case = _case(number, file)
     result = run_fault(
         case,

@@ -25,6 +25,7 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.text import print_table
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.identification import CalibrationFit, Comparison
@@ -71,6 +72,7 @@ def identify(
     from gantryctl.engineering.identification import calibration_of, comparisons, fit
     from gantryctl.machine import calibration_toml
 
+    need("scipy")
     machine = machine_under_test(config_file, "identify", calibrated=False)
     path = out or _usual_place(machine, config_file)
     # Before the axis has moved for minutes, not after them.

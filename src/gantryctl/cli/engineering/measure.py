@@ -30,6 +30,7 @@ from gantryctl.cli.options import (
     seed_option,
 )
 from gantryctl.cli.report import report_options
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession
@@ -85,6 +86,7 @@ def measure(
     from gantryctl.operation.run import AxisRun
     from gantryctl.operation.store import StateStore
 
+    need("matplotlib")
     machine = proven_machine(config_file)
     folder = directory(out or DEFAULT_OUT)
 

@@ -23,6 +23,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -95,6 +96,7 @@ def tune(
     from gantryctl.engineering.tuning.proposal import proposed_machine
     from gantryctl.engineering.tuning.result import tune as run
 
+    need("matplotlib")
     machine = machine_under_test(config_file, "tune")
     criteria, conditions = _criteria(base_um), _conditions(sensitivity, damping_left)
     if machine.on_bus:

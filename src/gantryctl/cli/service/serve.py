@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import click
 
 from gantryctl.cli.options import PATH, LogPath, config_option, proven_machine
+from gantryctl.extras import need
 
 Command: TypeAlias = Callable[..., Any]
 
@@ -94,6 +95,8 @@ def serve(
     Virtual gantry by default. Only this machine can reach the page unless --listen names another address, which needs
     TLS and users (`gantryctl user add`). Ctrl-C brings the axis to rest, closes the brake and closes the journal.
     """
+    if opcua:
+        need("asyncua")
     from gantryctl.cli.service.serving import Listen, run_service
     from gantryctl.service.recorder.retention import RetentionPolicy
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.util
 import ipaddress
 import json
 import socket
@@ -128,12 +127,10 @@ def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
     """Module and settings of the OPC UA process.
 
     Raises:
-        UsageError: the extra is not installed, or there are no users for an address beyond loopback.
+        UsageError: there are no users for an address beyond loopback.
     """
     host, port = split(address)
     # An extra, because no controller needs it, and in a process of its own: a foreign stack must not disturb a scan.
-    if importlib.util.find_spec("asyncua") is None:
-        raise UsageError("--opcua: asyncua is not installed; pip install 'gantryctl[opcua]'")
     if not is_loopback(host) and not Users(root).all():
         raise UsageError(f"--opcua {address}: there are no users: gantryctl user add NAME --role viewer")
     settings = {

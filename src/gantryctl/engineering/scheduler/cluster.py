@@ -8,13 +8,13 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gantryctl.engineering.scheduler.identity import Identity, identity
 from gantryctl.engineering.scheduler.job import Chunk, ChunkResult, Job, compute
 from gantryctl.engineering.scheduler.pools import Outcome
 from gantryctl.errors import DeviceError, UsageError
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -54,14 +54,11 @@ class ClusterPool:
         say: a line for the person who watches: workers that are refused, a scheduler that is away.
 
     Raises:
-        UsageError: the extra `cluster` is not installed. DeviceError: nobody answers at the address.
+        ExtraMissing: `cluster` is not installed. DeviceError: nobody answers at the address.
     """
 
     def __init__(self, job: Job, address: str, say: Callable[[str], None]) -> None:
-        if find_spec("distributed") is None:
-            raise UsageError(
-                f"--cluster {address}: dask.distributed is not installed: pip install 'gantryctl[cluster]'"
-            )
+        need("distributed")
         # Its log tells of every lost connection with a traceback; here that is an ordinary event.
         for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
