@@ -11,10 +11,11 @@ LOCK = uv pip compile --quiet $(UPGRADE) --generate-hashes --no-header --no-anno
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist clean page page-check screenshots
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist clean page page-check screenshots soak
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the Python tests: what CI runs"
+	@echo "make soak       hours of the real service with two pages, OPC UA and a stepped clock: HOURS=24, LOG=soak.jsonl"
 	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  dist  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
@@ -51,6 +52,11 @@ test-slow: setup $(NODE_OPCUA)
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang
 	.venv/bin/python -m pytest -m slow --hypothesis-profile fresh
 	.venv/bin/python -m pytest tests/property tests/states --hypothesis-profile fresh --hypothesis-show-statistics
+
+HOURS ?= 24
+LOG ?= soak.jsonl
+soak: setup
+	.venv/bin/python benchmarks/soak.py --hours $(HOURS) --log $(LOG)
 
 lint: .venv/dev.stamp
 	.venv/bin/ruff check

@@ -13,7 +13,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any
@@ -61,9 +61,17 @@ class Service:
     Args:
         root: state root, and where its errors go.
         disk_mb: the state root is `disk` below it instead, a disk of its own of that size that nobody else sees.
+        environment: more of it. own_group: Ctrl-C at the terminal does not reach it.
     """
 
-    def __init__(self, root: Path, *options: str, disk_mb: int = 0) -> None:
+    def __init__(
+        self,
+        root: Path,
+        *options: str,
+        disk_mb: int = 0,
+        environment: Mapping[str, str] | None = None,
+        own_group: bool = False,
+    ) -> None:
         self.root, self.directory = root, root / "hust_gantry"
         # -P, as for the script `gantryctl`: the folder of this process holds no modules of it.
         serve = ["-P", "-m", "gantryctl", "serve", "--listen", "127.0.0.1:0"]
@@ -77,10 +85,15 @@ class Service:
             )
             mounted = f'mount -t tmpfs -o size={disk_mb}m tmpfs "$0" && exec "$@"'
             command = [*private, "sh", "-c", mounted, str(state), *command]
-        environment = {**os.environ, "GANTRYCTL_STATE": str(state), "PYTHONUNBUFFERED": "1"}
+        whole = {**os.environ, "GANTRYCTL_STATE": str(state), "PYTHONUNBUFFERED": "1", **(environment or {})}
         with (root / "errors").open("wb") as errors:
             self.process = subprocess.Popen(
-                command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True
+                command,
+                env=whole,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                process_group=0 if own_group else None,
             )
         self.said: list[str] = []
         self.address = ""
