@@ -176,10 +176,11 @@ class Files:
             recorded += len(trace)
             period_s = float(trace.metadata["period_s"])
             missing += missing_scans(trace["time_s"], trace["spacing_s"], period_s)
-        numbers = {number_of(file) for file in files}
+        # The oldest may have been removed, by their number.
+        numbers = {number_of(file) for file in files} or {0}
         return {
             "power_ups": sum(row.values["text"] == "power True: done" for row in rows),
-            "recordings_missing": max(numbers, default=0) - len(numbers),
+            "recordings_missing": max(numbers) - min(numbers) + 1 - len(numbers),
             "journal_rows": found.rows,
             "journal_wrong": found.wrong,
             "journal_missing": missing_numbers(
@@ -189,7 +190,7 @@ class Files:
                 (datetime.fromisoformat(row.values["utc"]).timestamp(), row.values["monotonic_ns"] / 1e9)
                 for row in rows
             ),
-            "recordings": len(files),
+            "recordings": max(numbers),
             "recorded_rows": recorded,
             "scans_missing": missing,
             "unfinished": sum(1 for file in folder.glob("*") if file.suffix != ".parquet"),

@@ -1,0 +1,28 @@
+"""The soak itself, for two minutes with steps of the clock both ways: everything but the slopes of memory is judged."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.browser import CHROMIUM
+from support.soak.verdict import judge, read_log, words
+
+SOAK = Path(__file__).parents[2] / "benchmarks" / "soak.py"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
+@pytest.mark.skipif(not Path(CHROMIUM).exists(), reason=f"{CHROMIUM} is missing: Debian package chromium")
+def test_two_minutes_of_service_with_a_clock_that_is_stepped_both_ways(tmp_path: Path) -> None:
+    log = tmp_path / "soak.jsonl"
+    command = [sys.executable, str(SOAK), "--hours", "0.035", "--step-min", "0.4", "--log", str(log)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    findings = judge(read_log(log))
+    assert [each.what for each in findings if not each.what.startswith("memory") and not each.passed] == []
+    assert words(findings) in done.stdout
