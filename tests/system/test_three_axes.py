@@ -50,6 +50,7 @@ def test_from_new_to_a_report_in_six_commands(
     assert time.perf_counter() - began < MOST_SECONDS
     report = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     assert "order 4711" in report
+    assert re.search(r"\n95 % of 32 gears of grade \d keep A = 0\.0\d+ deg; 0\.0\d deg is required\n", said)
     assert re.search(r"\bPASS\b", said)
     assert foreign(said) == []
     assert list(foreign_in(tmp_path)) == []
@@ -82,7 +83,7 @@ FURTHER = [
 def test_no_other_command_speaks_of_the_reference_machine(template: str, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
-    assert cli("new", "axis1", "--template", template).code == 0
+    assert cli("new", "axis1", "--template", template, "--gears", "0").code == 0
     refused, hits = [], []
     for line in FURTHER:
         answer = cli(*line)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.drafting import check_name, drafted, motor_option, report, write_new
+from gantryctl.cli.drafting import check_name, drafted, gears_option, motor_option, report, write_new
 from gantryctl.cli.options import PATH, json_option, print_json
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def config() -> None:
     "--sheet", "sheet_path", type=PATH, help="A machine of your own, drafted from this requirement sheet."
 )
 @motor_option
+@gears_option
 @json_option
 def init(
     dest: Path,
@@ -54,12 +55,14 @@ def init(
     node: int,
     sheet_path: Path | None,
     motor_files: tuple[Path, ...],
+    gears: int,
     as_json: bool,
 ) -> None:
     """Write the reference machine's file to DEST, to edit from there (default: machine.toml); its name is DEST's.
 
     With --sheet a whole machine file that follows from the sheet and the smallest motor that fits it; every value that
-    is still a guess is listed. `gantryctl new` asks for what a sheet needs.
+    is still a guess is listed, and what 95 % of --gears random gears of the sheet's grade keep beside what is required.
+    `gantryctl new` asks for what a sheet needs.
     """
     from gantryctl.errors import UsageError
     from gantryctl.machine import default_machine_path
@@ -69,7 +72,7 @@ def init(
             raise UsageError(
                 "--sheet: goes with neither --improved nor --can; those are the reference machine's"
             )
-        _draft(dest, sheet_path, motor_files, force, as_json)
+        _draft(dest, sheet_path, motor_files, gears, force, as_json)
         return
     if motor_files:
         raise UsageError("--motor: goes with --sheet only; the reference machine has its motor")
@@ -101,8 +104,11 @@ def init(
     click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
 
 
-def _draft(dest: Path, sheet_path: Path, motor_files: tuple[Path, ...], force: bool, as_json: bool) -> None:
+def _draft(
+    dest: Path, sheet_path: Path, motor_files: tuple[Path, ...], gears: int, force: bool, as_json: bool
+) -> None:
     """Machine file from a sheet; its name is that of the file."""
+    from gantryctl.engineering.drafting.open_items import gears_of_grade
     from gantryctl.engineering.drafting.writing import machine_text
     from gantryctl.engineering.sizing.loading import load_sheet
     from gantryctl.engineering.sizing.motors import is_motor_file
@@ -115,7 +121,7 @@ def _draft(dest: Path, sheet_path: Path, motor_files: tuple[Path, ...], force: b
         raise UsageError(f"--sheet {sheet_path}: is a motor file; a requirement sheet is wanted")
     made = drafted(load_sheet(sheet_path), motor_files, dest.stem)
     write_new({dest: machine_text(made)}, force)
-    report(made, [dest], None, as_json)
+    report(made, gears_of_grade(made, gears) if gears else None, [dest], None, as_json)
 
 
 def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:

@@ -13,6 +13,7 @@ from gantryctl.cli.options import PATH, print_json
 
 if TYPE_CHECKING:
     from gantryctl.engineering.drafting.draft import Draft
+    from gantryctl.engineering.drafting.open_items import GearsOfGrade
     from gantryctl.engineering.drafting.origin import Values
     from gantryctl.engineering.drafting.sheets import Answered
     from gantryctl.engineering.drafting.templates import Template
@@ -24,6 +25,13 @@ motor_option = click.option(
     type=PATH,
     multiple=True,
     help="Motor file to choose from; may be repeated. All delivered motors when not given.",
+)
+gears_option = click.option(
+    "--gears",
+    type=click.IntRange(0, 10_000),
+    default=32,
+    show_default=True,
+    help="Random gears of the grade that the draft is tried with, some seconds; 0 leaves it out.",
 )
 
 
@@ -165,8 +173,10 @@ def write_new(texts: dict[Path, str], force: bool) -> None:
             raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
 
 
-def report(made: Draft, written: list[Path], sheet: Values | None, as_json: bool) -> None:
-    """Print what was written, the motor, every guess with its rule, and what is left open."""
+def report(
+    made: Draft, gears: GearsOfGrade | None, written: list[Path], sheet: Values | None, as_json: bool
+) -> None:
+    """Print what was written, the motor, every guess with its rule, what gears give, and what is left open."""
     from gantryctl.engineering.drafting.open_items import brake_overload
     from gantryctl.engineering.drafting.writing import guess_lines
 
@@ -178,6 +188,7 @@ def report(made: Draft, written: list[Path], sheet: Values | None, as_json: bool
                 "written": [str(path) for path in written],
                 "motor": made.fit.motor.name,
                 "guesses": found,
+                "gears": None if gears is None else _gears_data(gears),
                 "brake_overload": None if overload is None else overload._asdict(),
             }
         )
@@ -185,10 +196,20 @@ def report(made: Draft, written: list[Path], sheet: Values | None, as_json: bool
     click.echo(f"wrote {' and '.join(str(path) for path in written)}: motor {made.fit.motor.name}")
     for what, lines in found.items():
         show_guesses(what, lines)
+    if gears is not None:
+        click.echo(f"\n{'' if gears.kept else 'open: '}{gears.text}")
     if overload is not None:
         click.echo(f"\nopen: {overload.text}")
     click.echo(f"\nnext: gantryctl config check {written[-1]}")
-    click.echo(f"what gears of its grade give: gantryctl accuracy run --config {written[-1]} --ensemble 32")
+
+
+def _gears_data(gears: GearsOfGrade) -> dict[str, Any]:
+    enough = gears.enough
+    return {
+        **gears._asdict(),
+        "drafted": gears.drafted._asdict(),
+        "enough": None if enough is None else enough._asdict(),
+    }
 
 
 def show_guesses(what: str, lines: Sequence[str]) -> None:

@@ -60,6 +60,7 @@ class Level:
 
 
 CAN = configs_folder() / "hust_can.toml"
+SHEET = configs_folder() / "requirements" / "rotary_table.toml"
 RUNS: dict[str, list[str]] = {
     "move": ["move", "0.5", "--fresh"],
     "jog": ["jog", "+", "--for", "1", "--fresh"],
@@ -89,6 +90,9 @@ RUNS: dict[str, list[str]] = {
     "drive gains": ["drive", "gains", "--config", "epos4.toml"],
     "drive field": ["drive", "field", "--drive", "Faulhaber", "--config", str(CAN)],
     "size": ["size"],
+    "size init": ["size", "init", "sheet.toml", "--template", "tilt_table"],
+    "new": ["new", "rig", "--template", "tilt_table", "--gears", "0"],
+    "config init --sheet": ["config", "init", "rig.toml", "--sheet", str(SHEET), "--gears", "0"],
     "analyse": ["analyse"],
     "tune": ["tune", "--method", "margins"],
     "identify": ["identify", "--out", "found.toml"],
@@ -164,6 +168,16 @@ def test_summary_and_rows_have_the_keys_of_the_page() -> None:
     row = done("stops", "--speed", "1", "--json").json["rows"][0]
     value = done("config", "show", "--json").json["values"]["control.kvf"]
     for key in (*summary, *row, *value):
+        assert f"`{key}`" in text
+
+
+def test_what_a_draft_leaves_open_has_the_keys_of_the_page() -> None:
+    """Of the tilt table the brake is too strong; with two gears 0.001 deg is no grade's."""
+    text = PAGE.read_text(encoding="utf-8")
+    asked = ("--template", "tilt_table", "--set", "angle_deg=0.001", "--gears", "2")
+    found = done("new", "rig", *asked, "--json").json
+    assert set(found["guesses"]) == {"sheet", "machine"}
+    for key in (*found["brake_overload"], *found["gears"], *found["gears"]["drafted"]):
         assert f"`{key}`" in text
 
 

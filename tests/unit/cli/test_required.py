@@ -128,10 +128,13 @@ def test_a_requirement_that_nobody_gave_is_named_as_a_default(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_compare(strict: Path) -> None:
-    """Both ways of control are held against what their machine requires: A as seen is 0.0127 deg."""
-    answer = cli("compare", strict, strict)
-    assert fails_for_the_machine(answer)
+def test_compare(strict: Path, tmp_path: Path) -> None:
+    """The second way of control is held against what its machine requires, by the rule of `accuracy run`."""
+    near = cli("compare", strict, strict)
+    assert near.code == 1, "0.01 deg lies within the uncertainty: that is no pass"
+    assert f"neither passed nor failed; required by hust_gantry ({SOURCE})" in " ".join(near.out.split())
+    stricter = machine_file(tmp_path / "stricter.toml", {**STRICT, "required.angle_deg": 0.008})
+    assert fails_for_the_machine(cli("compare", stricter, stricter), "0.008 deg")
     easy = cli("compare", "paper", "paper", "--json")
     assert easy.code == 0
     assert easy.json["verdict"]["required"]["limit"] == 0.1

@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Final
 
 from gantryctl.machine import Requirement
+
+A_MEASURED: Final = "A as measured"
+LARGEST_CHORD: Final = "largest chord error"
+LARGEST_ANGLE: Final = "largest angle error at a stop"
+# Ends the name of a figure that a short procedure was scaled to.
+OF_THE_WHOLE: Final = " of the whole test, at most"
 
 
 class Conformity(Enum):
@@ -18,6 +25,11 @@ class Conformity(Enum):
     UNDECIDED = "within uncertainty"
     # Nothing was measured at the load, or nothing tells what is required.
     NOT_JUDGED = "no verdict"
+
+    @property
+    def passed(self) -> bool | None:
+        """None = neither."""
+        return {Conformity.PASS: True, Conformity.FAIL: False}.get(self)
 
 
 @dataclass(frozen=True)
@@ -40,7 +52,56 @@ class AccuracyVerdict:
     @property
     def passed(self) -> bool | None:
         """None = no verdict."""
-        return {Conformity.PASS: True, Conformity.FAIL: False}.get(self.conformity)
+        return self.conformity.passed
+
+
+@dataclass(frozen=True)
+class ChordFigures:
+    """What a chord test is judged by, deg.
+
+    Attributes:
+        a_deg: A through the instrument: the median over draws of its noise, or of the one table there is.
+        a_expanded_deg: 95 % of the draws lie below `a_deg` and this, or the expanded uncertainty (k = 2) of A; None
+            where nothing is known of the instrument.
+        largest_chord_deg, largest_chord_expanded_deg: largest chord error, and its expanded uncertainty where known.
+        largest_angle_deg: largest error of an angle at a stop; None where the instrument has a zero of its own.
+    """
+
+    a_deg: float
+    largest_chord_deg: float
+    a_expanded_deg: float | None = None
+    largest_chord_expanded_deg: float | None = None
+    largest_angle_deg: float | None = None
+
+
+def judge_chords(
+    found: ChordFigures, required: Requirement, *, whole_ratio: float = 1.0, of: str = ""
+) -> AccuracyVerdict:
+    """Hold a chord test against what is required: PASS when 95 % of what its instrument could have shown keeps it.
+
+    Args:
+        whole_ratio: what the whole procedure may show more than a short one.
+        of: whose test it is, where a sentence speaks of several.
+    """
+    # What a short procedure leaves out could be worse than what it visits.
+    end = "" if whole_ratio == 1.0 else OF_THE_WHOLE
+    a_name, chord_name, angle_name = (
+        f"{of}: {name}" if of else name for name in (A_MEASURED + end, LARGEST_CHORD + end, LARGEST_ANGLE)
+    )
+    # A is a spread, the requirement is on the angle itself: the largest errors are compared as well.
+    figures = {a_name: whole_ratio * found.a_deg, chord_name: whole_ratio * found.largest_chord_deg}
+    # A turn lost with the power off shifts all stops alike and changes no chord; only this figure shows it.
+    if found.largest_angle_deg is not None:
+        figures[angle_name] = found.largest_angle_deg
+    expanded = {
+        name: whole_ratio * value
+        for name, value in (
+            (a_name, found.a_expanded_deg),
+            (chord_name, found.largest_chord_expanded_deg),
+        )
+        if value is not None
+    }
+    return judge(figures, required, expanded)
 
 
 def judge(

@@ -9,11 +9,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.noise import DRAWS, a_draws
+from gantryctl.engineering.accuracy.noise import DRAWS, Distribution, a_draws
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
-from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.accuracy.statistics import statistics
+from gantryctl.engineering.accuracy.verdict import ChordFigures
 from gantryctl.engineering.batch import (
     ClosedLoop,
     Leg,
@@ -77,6 +78,19 @@ class KeyFigures(NamedTuple):
     reducer_knm: float
     load_error_long_deg_s: float
     base_long_um: float
+    a_measured_high_a: float
+    largest_chord_a: float
+    largest_angle_a: float
+
+    @property
+    def judged_by(self) -> ChordFigures:
+        """What procedure A is judged by."""
+        return ChordFigures(
+            a_deg=self.a_measured_a,
+            largest_chord_deg=self.largest_chord_a,
+            a_expanded_deg=self.a_measured_high_a - self.a_measured_a,
+            largest_angle_deg=self.largest_angle_a,
+        )
 
 
 class KeyFigure(NamedTuple):
@@ -107,6 +121,9 @@ KEY_FIGURES: Final = {
     "reducer_knm": KeyFigure("reducer torque, short move", "kN m", "reducer\nkN m", 2),
     "load_error_long_deg_s": KeyFigure("speed error, load side, long move", "deg/s", ""),
     "base_long_um": KeyFigure("base motion p-p, long move", "um", "", 0),
+    "a_measured_high_a": KeyFigure(f"A as measured, procedure A, 95 % of {DRAWS}", "deg", ""),
+    "largest_chord_a": KeyFigure("largest chord error, procedure A", "deg", ""),
+    "largest_angle_a": KeyFigure("largest angle error at a stop, procedure A", "deg", ""),
 }
 
 
@@ -117,7 +134,7 @@ LONG_DEG: Final = (-90.0, 90.0)
 
 def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> list[KeyFigures]:
     """Run everything on every machine; its seed draws the tracker's noise."""
-    chords = (chord_figures(machines, name, seeds) for name in "AB")
+    chords = (chord_tests(machines, name, seeds) for name in "AB")
     moves = (
         expected(moves_figures([Move(each, *fitted_stretch_deg(each, *ends)) for each in machines]))
         for ends in (SHORT_DEG, LONG_DEG)
@@ -126,14 +143,13 @@ def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> li
 
 
 def _key_figures(
-    chord_a: ChordFigures, chord_b: ChordFigures, quarter: MoveFigures, half: MoveFigures
+    chord_a: ChordTest, chord_b: ChordTest, quarter: MoveFigures, half: MoveFigures
 ) -> KeyFigures:
-    (true_a, seen_a), (true_b, seen_b) = chord_a, chord_b
     return KeyFigures(
-        a_true_a=true_a,
-        a_true_b=true_b,
-        a_measured_a=seen_a,
-        a_measured_b=seen_b,
+        a_true_a=chord_a.a_true_deg,
+        a_true_b=chord_b.a_true_deg,
+        a_measured_a=chord_a.a_seen.median_deg,
+        a_measured_b=chord_b.a_seen.median_deg,
         load_error_deg_s=quarter.load_error_deg_s,
         motor_error_deg_s=quarter.motor_error_deg_s,
         time_short_s=quarter.time_s,
@@ -144,6 +160,9 @@ def _key_figures(
         reducer_knm=quarter.reducer_knm,
         load_error_long_deg_s=half.load_error_deg_s,
         base_long_um=half.base_um,
+        a_measured_high_a=chord_a.a_seen.high_deg,
+        largest_chord_a=chord_a.largest_chord_deg,
+        largest_angle_a=chord_a.largest_angle_deg,
     )
 
 
@@ -172,24 +191,38 @@ def figures_of(columns: Rows) -> dict[str, tuple[KeyFigures, ...]]:
     }
 
 
-class ChordFigures(NamedTuple):
-    """A of one machine, deg: of the true angles, and the median of A as the tracker sees it."""
+class ChordTest(NamedTuple):
+    """One chord test of a machine, deg.
 
-    true: float
-    seen: float
+    Attributes:
+        a_true_deg: A of the true angles. a_seen: A as the tracker sees it, over draws of its noise.
+        largest_chord_deg: of the true angles and of one draw. largest_angle_deg: of the true angles at the stops.
+    """
+
+    a_true_deg: float
+    a_seen: Distribution
+    largest_chord_deg: float
+    largest_angle_deg: float
 
 
-def chord_figures(machines: Sequence[Machine], name: str, seeds: Sequence[int]) -> list[ChordFigures]:
-    """A of every machine by a chord procedure."""
+def chord_tests(machines: Sequence[Machine], name: str, seeds: Sequence[int]) -> list[ChordTest]:
+    """A chord procedure of every machine; its seed draws the tracker's noise."""
     # Ways of control on one axis, and plants of one kind: the plan is the same for all.
     procedure = chord_test(machines[0], name)
     found = []
     angles_of = run_procedure(machines, procedure, threads=1).load_rad
     for machine, seed, angles in zip(machines, seeds, angles_of, strict=True):
         radius_m, sigma_m = machine.accuracy.chord_radius_m, machine.accuracy.tracker_noise_um * 1e-6
-        true = float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg))
-        seen = float(np.median(a_draws(procedure, angles, radius_m, sigma_m, seed=seed)))
-        found.append(ChordFigures(true, seen))
+        true = evaluate(procedure, angles, radius_m)
+        seen = evaluate(procedure, angles, radius_m, sigma_m, seed)
+        found.append(
+            ChordTest(
+                a_true_deg=statistics(true).a_deg,
+                a_seen=Distribution.of(a_draws(procedure, angles, radius_m, sigma_m, seed=seed)),
+                largest_chord_deg=max(statistics(table).largest_deg for table in (true, seen)),
+                largest_angle_deg=float(np.max(np.abs(np.degrees(angles - procedure.targets_rad)))),
+            )
+        )
     return found
 
 

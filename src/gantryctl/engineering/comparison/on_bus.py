@@ -10,11 +10,11 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
-from gantryctl.engineering.accuracy.statistics import accuracy_a
-from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
+from gantryctl.engineering.accuracy.statistics import statistics
+from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K, chord_uncertainty
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, ChordFigures, judge_chords
 from gantryctl.engineering.analysis.measured.on_engine import experiment
 from gantryctl.engineering.comparison.key_figures import LONG_DEG, SHORT_DEG
-from gantryctl.engineering.comparison.report import judge_seen
 from gantryctl.engineering.comparison.variants import check_same_plant
 from gantryctl.engineering.identification.on_engine import EngineAxis
 from gantryctl.engineering.identification.samples import MoveLog
@@ -35,7 +35,8 @@ class BusFigures(NamedTuple):
     """Figures of one way of control.
 
     Attributes:
-        a_seen_deg: A by eq. (6), procedure A, as the instrument sees it.
+        a_seen_deg, largest_chord_deg: A by eq. (6) and largest chord error, procedure A, as the instrument sees them.
+        a_expanded_deg, largest_chord_expanded_deg: expanded uncertainties, k = 2, by what its readings state.
         load_error_short_deg_s, load_error_long_deg_s: largest difference of load speed and set-point, both as means
             between two readings, of the short and of the long move.
         time_short_s, time_long_s: of the set-point.
@@ -43,11 +44,24 @@ class BusFigures(NamedTuple):
     """
 
     a_seen_deg: float
+    a_expanded_deg: float
+    largest_chord_deg: float
+    largest_chord_expanded_deg: float
     load_error_short_deg_s: float
     load_error_long_deg_s: float
     time_short_s: float
     time_long_s: float
     torque_nm: float
+
+    @property
+    def judged_by(self) -> ChordFigures:
+        """What the chord test is judged by."""
+        return ChordFigures(
+            a_deg=self.a_seen_deg,
+            largest_chord_deg=self.largest_chord_deg,
+            a_expanded_deg=self.a_expanded_deg,
+            largest_chord_expanded_deg=self.largest_chord_expanded_deg,
+        )
 
 
 class BusComparison(NamedTuple):
@@ -61,7 +75,7 @@ class BusComparison(NamedTuple):
     def verdict(self) -> AccuracyVerdict:
         """The second machine as the instrument saw it, beside the requirement."""
         name, figures = self.rows[-1]
-        return judge_seen(name, figures.a_seen_deg, self.required)
+        return judge_chords(figures.judged_by, self.required, of=name)
 
 
 def compare_on_bus(
@@ -95,11 +109,17 @@ def compare_on_bus(
 def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:
     fast = machine.speed.setting_max_deg_s
     procedure = chord_test(machine, "A")
-    read = [_dwell(axis.go(stop.target_deg, fast)) for stop in procedure.stops]
-    table = evaluate(procedure, read, machine.accuracy.chord_radius_m)
+    logs = [axis.go(stop.target_deg, fast) for stop in procedure.stops]
+    read = np.array([_dwell(log) for log in logs])
+    table = statistics(evaluate(procedure, read, machine.accuracy.chord_radius_m))
+    # Readings of a dwell share what a set-up has wrong: their mean is no surer than one of them.
+    known = chord_uncertainty(procedure, np.degrees(read), np.degrees([log.uncertainty_rad for log in logs]))
     quarter, half = (_move(machine, axis, stretch) for stretch in (SHORT_DEG, LONG_DEG))
     return BusFigures(
-        a_seen_deg=float(accuracy_a(table.errors_deg)),
+        a_seen_deg=table.a_deg,
+        a_expanded_deg=COVERAGE_K * known.a_deg,
+        largest_chord_deg=table.largest_deg,
+        largest_chord_expanded_deg=COVERAGE_K * known.largest_chord_deg,
         load_error_short_deg_s=_load_error_deg_s(quarter),
         load_error_long_deg_s=_load_error_deg_s(half),
         time_short_s=_time_s(quarter),

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gantryctl.engineering.accuracy.verdict import ChordFigures, conformity_of, judge_chords, plus_minus
 from gantryctl.engineering.comparison.on_bus import BusComparison, bus_table
-from gantryctl.engineering.comparison.report import CompareReport, judge_seen
+from gantryctl.engineering.comparison.report import CompareReport
 from gantryctl.engineering.comparison.text import notes, tables
 from gantryctl.engineering.report.head import Head, Required, Verdict, judged_as
 from gantryctl.engineering.report.page import Section, render_sections
@@ -17,7 +18,7 @@ def render_comparison(report: CompareReport, head: Head) -> str:
     first, last = report.rows[0], report.rows[-1]
     return _render(
         head,
-        [(name, row.a_measured_a) for name, row in (first, last)],
+        [(name, row.judged_by) for name, row in (first, last)],
         report.required,
         title=f"{report.first} against {report.second}",
         sections=[
@@ -31,7 +32,7 @@ def render_bus_comparison(found: BusComparison, head: Head) -> str:
     """The page of a comparison on a bus."""
     return _render(
         head,
-        [(name, figures.a_seen_deg) for name, figures in found.rows],
+        [(name, figures.judged_by) for name, figures in found.rows],
         found.required,
         title=" against ".join(name for name, _ in found.rows),
         sections=[Section("Figures", tables=[bus_table(found)])],
@@ -40,25 +41,29 @@ def render_bus_comparison(found: BusComparison, head: Head) -> str:
 
 def _render(
     head: Head,
-    a_seen_deg: Sequence[tuple[str, float]],
+    seen: Sequence[tuple[str, ChordFigures]],
     requirement: Requirement,
     *,
     title: str,
     sections: Sequence[Section],
 ) -> str:
     limit = requirement.limit
+    judged = [(name, judge_chords(chords, requirement, of=name)) for name, chords in seen]
     required = [
         Required(
-            f"A as measured, {name}", f"at most {limit:g} deg", f"{a_deg:.4f} deg", judged_as(a_deg <= limit)
+            figure,
+            f"at most {limit:g} deg",
+            f"{value:.4f} {plus_minus(verdict.uncertainties_deg.get(figure))}deg",
+            judged_as(conformity_of(value, verdict.uncertainties_deg.get(figure, 0.0), limit).passed),
         )
-        for name, a_deg in a_seen_deg
+        for _, verdict in judged
+        for figure, value in verdict.figures_deg.items()
     ]
-    (_, before), (name, after) = a_seen_deg[0], a_seen_deg[-1]
-    found = judge_seen(name, after, requirement)
+    (_, before), (_, found) = seen[0], judged[-1]
     verdict = Verdict(
         found.conformity.value.upper(),
         judged_as(found.passed),
-        f"{found.text}; {before:.4f} deg without the second way of control",
+        f"{found.text}; A is {before.a_deg:.4f} deg without the second way of control",
     )
     return render_sections(
         head, verdict, required, title=title, subtitle="Two ways of control on one plant", sections=sections

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, judge
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, judge_chords
 from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
 from gantryctl.engineering.comparison.key_figures import (
     LONG_DEG,
@@ -54,12 +54,7 @@ class CompareReport:
     @property
     def verdict(self) -> AccuracyVerdict:
         """The second machine as its instrument sees it, beside the requirement."""
-        return judge_seen(self.second, self.rows[-1][1].a_measured_a, self.required)
-
-
-def judge_seen(name: str, a_seen_deg: float, required: Requirement) -> AccuracyVerdict:
-    """Hold A as it was measured on a machine against what is required of it."""
-    return judge({f"{name}: A as measured": a_seen_deg}, required, {})
+        return judge_chords(self.rows[-1][1].judged_by, self.required, of=self.second)
 
 
 _OWN: Final = "own"

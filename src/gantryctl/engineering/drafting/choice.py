@@ -1,10 +1,13 @@
-"""Choice of a motor for a sheet: the smallest that fits, with a machine that every rule and the full plant accept."""
+"""Choice of a motor and a grade of the teeth: the smallest that fits, the coarsest that keeps the required angle."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from gantryctl.engineering.drafting.draft import Draft, draft
+from gantryctl.engineering.drafting.open_items import GearsOfGrade
+from gantryctl.engineering.drafting.origin import Origin, Values, guessed
 from gantryctl.engineering.sizing.checks import fit
 from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
@@ -37,3 +40,20 @@ def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
             continue
         return made
     raise ConfigError(refused or unfit)
+
+
+GRADE: Final = "teeth.grade"
+
+
+def with_enough_grade(sheet: Values, gears: GearsOfGrade) -> Values | None:
+    """The values of a sheet with the grade that keeps the required angle; None where the grade stands.
+
+    It stands where it keeps the angle, where none does, and where it is no guess: a person who names a grade has one.
+    """
+    if gears.kept or gears.enough is None or sheet[GRADE].origin is not Origin.GUESS:
+        return None
+    rule = (
+        f"the coarsest of which 95 % of {gears.gears} gears keep {gears.required_deg:g} deg; "
+        f"usual is {gears.drafted.grade:g}"
+    )
+    return sheet | {GRADE: guessed(gears.enough.grade, rule)}

@@ -46,30 +46,39 @@ def _grade(grade: float) -> float:
 
 def gear_error_values(basis: Basis) -> Values:
     """[plant.gear_error]: the geometry is the sheet's, the size the standard's, the phases are drawn by the name."""
-    teeth, ring = basis.sheet.teeth, basis.sheet.gears.ring_ratio
-    module, diameter = 1e3 * basis.module_m, 2e3 * teeth.ring_radius_m
     phases = drawn_phases(basis.sheet.sheet.name)
-    total = pitch_deviation_um(module, diameter, teeth.grade)
-    run_out = 0.8 * pitch_deviation_um(module, diameter / ring, teeth.grade - _PINION_BETTER)
-    by_grade = f"ISO 1328-1 grade {teeth.grade:g}"
     at = "plant.gear_error"
     return {
         f"{at}.ring_radius_m": basis.of_sheet("teeth.ring_radius_m"),
         f"{at}.pinion_teeth": basis.of_sheet("teeth.pinion_teeth"),
-        f"{at}.ring_um": guessed(
-            ring_um(total, phases), f"F_p = {total:.3g} um peak to peak, {by_grade}; falls with 1/n"
-        ),
         **{f"{at}.{key}": guessed(value, "reducer of 0.5 arcmin") for key, value in _REDUCER_RAD.items()},
+        **graded_values(basis, basis.sheet.teeth.grade),
+        f"{at}.scale": guessed(1.0, "the grade as it stands"),
+        f"{at}.phases_rad": guessed(
+            phases, "drawn at random by the name; `gantryctl identify` measures them"
+        ),
+    }
+
+
+def graded_values(basis: Basis, grade: float) -> Values:
+    """Of [plant.gear_error] what goes with the accuracy grade of the teeth."""
+    teeth, ring = basis.sheet.teeth, basis.sheet.gears.ring_ratio
+    module, diameter = 1e3 * basis.module_m, 2e3 * teeth.ring_radius_m
+    total = pitch_deviation_um(module, diameter, grade)
+    run_out = 0.8 * pitch_deviation_um(module, diameter / ring, grade - _PINION_BETTER)
+    by_grade = f"ISO 1328-1 grade {grade:g}"
+    at = "plant.gear_error"
+    return {
+        f"{at}.ring_um": guessed(
+            ring_um(total, drawn_phases(basis.sheet.sheet.name)),
+            f"F_p = {total:.3g} um peak to peak, {by_grade}; falls with 1/n",
+        ),
         f"{at}.pinion_1x_um": guessed(
             significant(0.5 * run_out, 3), f"half the run-out, one grade better than {by_grade}"
         ),
         f"{at}.mesh_um": guessed(
-            significant(_MESH_PART * single_pitch_um(module, diameter, teeth.grade), 3),
+            significant(_MESH_PART * single_pitch_um(module, diameter, grade), 3),
             f"a sixth of f_pt, {by_grade}",
-        ),
-        f"{at}.scale": guessed(1.0, "the grade as it stands"),
-        f"{at}.phases_rad": guessed(
-            phases, "drawn at random by the name; `gantryctl identify` measures them"
         ),
     }
 

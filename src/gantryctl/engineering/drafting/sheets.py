@@ -44,6 +44,8 @@ _CHECK: Final = 1.25
 # friction adds these parts to the friction of bearing and motor.
 _INPUT_INERTIA, _MOTOR_FRICTION, _VISCOUS_LOAD, _VISCOUS_MOTOR = 0.08, 0.025, 0.35, 0.65
 _LOAD_LOSS: Final = 0.1
+NO_SOURCE: Final = "usual figure, no source: replace it by yours"
+"""Of a requirement of a template: it stands in the sheet, beside every verdict and in every report."""
 _HOLD_S: Final = 30.0
 _HOURS: Final = 8.0
 
@@ -214,15 +216,28 @@ def _from(answered: Answered, value: float, rule: str, *keys: str) -> Drafted:
 
 
 def _required(answered: Answered) -> Values:
-    source = answered.answers.source
+    source, basis = answered.answers.source, answered.template.template.angle_source
+    angle, stopping = (_answer(answered, key) for key in ("angle_deg", "stopping_angle_deg"))
+    if angle.origin is Origin.GUESS:
+        angle = guessed(angle.value, f"{angle.rule}: {basis or NO_SOURCE}")
+    if stopping.origin is Origin.GUESS:
+        stopping = guessed(stopping.value, f"{stopping.rule}: {NO_SOURCE}")
     return {
-        "required.angle_deg": _answer(answered, "angle_deg"),
-        "required.speed_error_ratio": guessed(0.01, "1 % of the highest speed"),
-        "required.stopping_angle_deg": _answer(answered, "stopping_angle_deg"),
+        "required.angle_deg": angle,
+        "required.speed_error_ratio": guessed(0.01, f"1 % of the highest speed: {NO_SOURCE}"),
+        "required.stopping_angle_deg": stopping,
         "required.source": Drafted(source, Origin.SHEET)
         if source
-        else guessed("not stated yet", "nobody named it"),
+        else guessed(_unstated(answered), "stands beside every verdict; nobody named it"),
     }
+
+
+def _unstated(answered: Answered) -> str:
+    """What stands beside a verdict where nobody said who requires it."""
+    if "angle_deg" in answered.given:
+        return "not stated yet"
+    basis = answered.template.template.angle_source
+    return f"angle: {basis}; speed and stop: {NO_SOURCE}" if basis else NO_SOURCE
 
 
 def _range_and_motion(answered: Answered) -> Values:

@@ -13,7 +13,7 @@ from gantryctl.engineering.drafting.questions import Answers
 from gantryctl.errors import UsageError
 from gantryctl.machine import configs_folder, load_table
 from gantryctl.machine.tables.axis import IdentityTable
-from gantryctl.machine.tables.fields import Table, required_number, table
+from gantryctl.machine.tables.fields import Table, required_number, table, text
 
 
 class TemplateIdentity(IdentityTable):
@@ -24,6 +24,9 @@ class TemplateIdentity(IdentityTable):
         max_length=300,
         examples=["usual figures of such an axis"],
         description="Where the figures come from.",
+    )
+    angle_source: str = text(
+        "", 120, "What the usual required angle follows from; empty for a usual figure without a source."
     )
 
 

@@ -90,6 +90,7 @@ class SimulatedAxis:
             acc_rad_s2=log["acc_ref_rad_s2"],
             torque_nm=log["torque_act_nm"],
             block=max(1, round(self._experiment.block_s / log.period_s)),
+            uncertainty_rad=0.0 if self._by_ring else self._sigma_rad,
         )
 
     def speed_loop(self, torque_nm: float) -> SpeedLoop:

@@ -43,23 +43,23 @@ class _Readings:
     answers late makes no scan late.
 
     Attributes:
-        rows: time and angle, s and rad.
+        rows: time, angle and its standard uncertainty, s and rad.
         fault: why the last reading failed.
     """
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
-        self.rows: list[tuple[float, float]] = []
+        self.rows: list[tuple[float, float, float]] = []
         self.fault: InstrumentError | None = None
 
     def take(self, begin_s: float, end_s: Callable[[], float]) -> None:
         """Read once; the time of a reading is the middle of its question and its answer."""
         try:
-            angle_deg = self._instrument.read(begin_s).angle_deg
+            reading = self._instrument.read(begin_s)
         except InstrumentError as fault:
             self.fault = fault
             return
-        self.rows.append((0.5 * (begin_s + end_s()), rad(angle_deg)))
+        self.rows.append((0.5 * (begin_s + end_s()), rad(reading.angle_deg), rad(reading.uncertainty_deg)))
 
     @contextmanager
     def beside(self, now_s: Callable[[], float]) -> Iterator[None]:
@@ -148,7 +148,7 @@ class EngineAxis:
 
     def _log(self, trace: Trace) -> MoveLog:
         time_s, act, period_s = trace["time_s"], trace["pos_act_rad"], self._run.engine.period_s
-        taken, angle = np.array(self._readings.rows).T
+        taken, angle, uncertainty = np.array(self._readings.rows).T
         row = np.searchsorted(time_s, taken)
         inside = (row > 0) & (row < len(time_s))
         row, taken, angle = row[inside], taken[inside], angle[inside]
@@ -164,6 +164,7 @@ class EngineAxis:
             acc_rad_s2=trace["acc_ref_rad_s2"],
             torque_nm=trace["torque_act_nm"],
             block=round(SLICE_S / period_s),
+            uncertainty_rad=float(uncertainty.max()),
         )
 
     def speed_loop(self, torque_nm: float) -> SpeedLoop:

@@ -30,6 +30,7 @@ class MoveLog(NamedTuple):
         act_rad: by the motor encoder. load_rad: by the instrument; NaN where it gave no reading.
         ring_rad: by the load-side encoder. vel_rad_s, acc_rad_s2: of the set-point. torque_nm: of the motor.
         block: scans that are averaged to one sample.
+        uncertainty_rad: standard uncertainty of the least certain reading of the instrument.
     """
 
     period_s: float
@@ -40,6 +41,7 @@ class MoveLog(NamedTuple):
     acc_rad_s2: Floats
     torque_nm: Floats
     block: int
+    uncertainty_rad: float
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gantryctl.engineering.comparison.on_bus import _dwell, _load_error_deg_s, compare_on_bus
+from gantryctl.engineering.comparison.on_bus import (
+    BusComparison,
+    BusFigures,
+    _dwell,
+    _load_error_deg_s,
+    compare_on_bus,
+)
 from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.engineering.instruments import SimulatedTracker, TrackerErrors
 from gantryctl.engineering.report.head import Head
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.machine import Machine, Requirement, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.run import AxisRun
 from gantryctl.units import deg, rad
 from support.command_line import cli
@@ -34,7 +40,7 @@ def log_of(load_rad: np.ndarray, vel_rad_s: np.ndarray) -> MoveLog:
     seen = np.full(len(load_rad), np.nan)
     seen[::25] = load_rad[::25]
     nothing = np.zeros(len(load_rad))
-    return MoveLog(PERIOD_S, load_rad, seen, nothing, vel_rad_s, nothing, nothing, 25)
+    return MoveLog(PERIOD_S, load_rad, seen, nothing, vel_rad_s, nothing, nothing, 25, 0.0)
 
 
 def test_the_load_speed_error_is_that_of_the_readings() -> None:
@@ -49,6 +55,18 @@ def test_the_load_speed_error_is_that_of_the_readings() -> None:
 def test_a_dwell_is_the_mean_of_its_last_two_seconds() -> None:
     load = np.concatenate([np.linspace(0.0, 1.0, 1000), np.full(500, 1.0)])
     assert _dwell(log_of(load, np.zeros(1500))) == pytest.approx(1.0)
+
+
+def test_a_bus_is_judged_with_the_uncertainty_that_its_instrument_states() -> None:
+    """0.0091 deg keeps 0.01 deg; with the 0.0015 deg that the readings leave uncertain it may not."""
+    figures = BusFigures(0.0091, 0.0015, 0.005, 0.0003, 0.03, 0.03, 30.0, 60.0, 100.0)
+    required = Requirement(0.01, "dish", "tender 4711")
+    near = BusComparison("tracker", required, (("before", figures), ("after", figures)))
+    assert near.verdict.passed is None
+    assert "after: A as measured 0.0091 +- 0.0015 deg: 0.01 deg lies within" in near.verdict.text
+    sure = figures._replace(a_expanded_deg=0.0005)
+    assert near._replace(rows=(("after", sure),)).verdict.passed is True
+    assert near._replace(rows=(("after", sure._replace(a_seen_deg=0.0127)),)).verdict.passed is False
 
 
 def other(change: dict[str, object]) -> Machine:

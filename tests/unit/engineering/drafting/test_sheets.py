@@ -4,12 +4,14 @@ import pytest
 
 from gantryctl.engineering.drafting.origin import Origin, guesses
 from gantryctl.engineering.drafting.questions import answered, answered_by_options, questions
-from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
+from gantryctl.engineering.drafting.sheets import NO_SOURCE, Answered, drafted_sheet, sheet_values
 from gantryctl.engineering.drafting.templates import load_template, template_names
 from gantryctl.engineering.drafting.writing import sheet_text
 from gantryctl.engineering.sizing.loading import load_sheet
 from gantryctl.errors import ConfigError, UsageError
-from gantryctl.units import GRAVITY_M_S2
+from gantryctl.units import GRAVITY_M_S2, deg
+
+SPEED_OF_LIGHT_M_S = 299_792_458.0
 
 
 def values(template="tilt_table", **answers):
@@ -37,6 +39,29 @@ def test_an_answer_is_no_guess_and_what_follows_from_answers_is_computed():
     assert moment == pytest.approx(5000.0, rel=2e-3)
     # The mass is a guess even so: nobody said where it sits.
     assert own["load.mass_kg"].origin is Origin.GUESS
+
+
+def test_a_requirement_without_a_source_is_told_as_one():
+    """0.03 deg and 1 % are nobody's: sheet and every verdict say so until somebody names who requires it."""
+    usual, own = values(), values(angle_deg=0.05)
+    for path in ("required.angle_deg", "required.speed_error_ratio", "required.stopping_angle_deg"):
+        assert usual[path].origin is Origin.GUESS
+        assert NO_SOURCE in usual[path].rule
+    assert usual["required.source"].value == NO_SOURCE
+    # An angle that a person gave is nobody's usual figure; who requires it is open.
+    assert own["required.angle_deg"][:2] == (0.05, Origin.SHEET)
+    assert own["required.source"][:2] == ("not stated yet", Origin.GUESS)
+    assert values(source="tender 4711")["required.source"][:2] == ("tender 4711", Origin.SHEET)
+
+
+def test_a_required_angle_that_follows_from_a_published_rule_names_it():
+    """Telescope: a tenth of the beam 1.2 wave lengths / diameter, here 0.098 deg at 8.4 GHz."""
+    found = values("telescope_azimuth")
+    assert "a tenth of the beam (IRA-INAF" in found["required.angle_deg"].rule
+    assert str(found["required.source"].value).startswith("angle: a tenth of the beam")
+    assert str(found["required.source"].value).endswith(f"speed and stop: {NO_SOURCE}")
+    beam_deg = deg(1.2 * SPEED_OF_LIGHT_M_S / 8.4e9 / 25.0)
+    assert found["required.angle_deg"].value == pytest.approx(0.1 * beam_deg, rel=0.03)
 
 
 def test_the_gear_ratio_is_what_motor_speed_and_encoder_allow():

@@ -44,7 +44,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path | No
         path = folder / f"{name}.toml"
         if name == "reference" or path.exists():
             return None if name == "reference" else path
-        answer = cli("new", name, "--template", name, "--out", folder)
+        answer = cli("new", name, "--template", name, "--gears", "0", "--out", folder)
         assert answer.code == 0, answer.err
         return path
 

@@ -22,7 +22,7 @@ from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K, ChordUncertainty
-from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, Conformity, judge
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, ChordFigures, Conformity, judge_chords
 from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_reaching, trapezoid_peak_speed
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import Requirement
@@ -30,13 +30,9 @@ from gantryctl.units import SIGNED, Dial
 
 FloatArray = NDArray[np.float64]
 
-A_MEASURED = "A as measured"
-LARGEST_CHORD = "largest chord error"
 _NOTHING_REQUIRED = (
     "nothing tells which accuracy is required: name the machine (--config) or the angle (--required)"
 )
-# Ends the name of a figure that a short procedure was scaled to.
-OF_THE_WHOLE = " of the whole test, at most"
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,33 +250,20 @@ class AccuracyReport:
             return AccuracyVerdict(Conformity.NOT_JUDGED, {}, self.required, text)
         if self.required is None:
             return AccuracyVerdict(Conformity.NOT_JUDGED, {}, None, _NOTHING_REQUIRED)
-        # What a short procedure leaves out could be worse than what it visits.
         ratio = 1.0 if self.procedure is None else self.procedure.whole_ratio
-        a_name, chord_name = (
-            name if ratio == 1.0 else name + OF_THE_WHOLE for name in (A_MEASURED, LARGEST_CHORD)
-        )
-        figures = {
-            # A is a spread, the requirement is on the angle itself: the largest errors are compared as well.
-            a_name: ratio * self.a_as_measured_deg,
-            chord_name: ratio * self._largest_chord_error(),
-        }
-        # A turn lost with the power off shifts all stops alike and changes no chord; only this figure shows
-        # it.
-        if self.angle_errors_deg is not None:
-            figures["largest angle error at a stop"] = max(abs(error) for error in self.angle_errors_deg)
-        known = self.uncertainty
-        if known is None and self.a_measured is not None:
-            # A hangs on one draw of the noise: 95 % of the draws must keep what is required, not their median.
-            spread = ratio * (self.a_measured.high_deg - self.a_measured.median_deg)
-            return judge(figures, self.required, {a_name: spread})
-        if known is None:
-            return judge(figures, self.required, {})
-        k = COVERAGE_K * ratio
-        expanded = {a_name: k * known.a_deg, chord_name: k * known.largest_chord_deg}
-        return judge(figures, self.required, expanded)
+        return judge_chords(self._judged_by, self.required, whole_ratio=ratio)
 
-    def _largest_chord_error(self) -> float:
-        return max(self.statistics.largest_deg, self.measured_statistics.largest_deg)
+    @property
+    def _judged_by(self) -> ChordFigures:
+        known, draws, angles = self.uncertainty, self.a_measured, self.angle_errors_deg
+        a_expanded = None if draws is None else draws.high_deg - draws.median_deg
+        return ChordFigures(
+            a_deg=self.a_as_measured_deg,
+            largest_chord_deg=max(self.statistics.largest_deg, self.measured_statistics.largest_deg),
+            a_expanded_deg=a_expanded if known is None else COVERAGE_K * known.a_deg,
+            largest_chord_expanded_deg=None if known is None else COVERAGE_K * known.largest_chord_deg,
+            largest_angle_deg=None if angles is None else max(abs(error) for error in angles),
+        )
 
     @property
     def speed_passed(self) -> bool | None:
