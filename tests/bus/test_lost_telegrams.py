@@ -6,9 +6,9 @@ import itertools
 
 import pytest
 
-from bus.bus_rig import NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine
+from bus.bus_rig import FEEDBACK_DEG, NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine
 from gantryctl.drives.virtual.axis.cia402 import State
-from gantryctl.program import PowerPhase
+from gantryctl.program import AxisState, PowerPhase
 
 pytestmark = pytest.mark.can
 
@@ -63,4 +63,38 @@ def test_a_stop_without_the_speed_telegram_is_judged_by_the_position() -> None:
     at_rest_ms = int(rig.first_told.partition("at rest after ")[2].partition(" ms")[0])
     # From 6 deg/s at 5.4 deg/s2, and a quarter of a second of swing at most.
     assert 1111 <= at_rest_ms < 1111 + 250
+    rig.engine.close()
+
+
+@pytest.mark.parametrize("scan_ms", [4.0, 10.0])
+@pytest.mark.parametrize("speed", [6.0, -1.0])
+@pytest.mark.parametrize("late_us", [1000, -1000])
+def test_a_sample_a_millisecond_late_whose_speed_telegram_is_lost_stops_nothing(
+    scan_ms: float, speed: float, late_us: int
+) -> None:
+    """The step of the position is a quarter too long then: no speed, and no acceleration, is taken from it."""
+    rig = BusRig(bus_machine("object_60FE", scan_ms)).power_up().cruise(speed)
+    for lost in (1, 2):
+        rig.drop_telegram(SPEED_AND_INPUTS, lost)
+        rig.node._owed_us += late_us
+        rig.run(scan_ms * 1e-3)
+        rig.node._owed_us -= late_us
+        rig.run(0.5)
+    assert rig.codes == [], rig.told
+    assert rig.axis.state is AxisState.DISCRETE_MOTION
+    rig.command(power=False)
+    rig.run(4.0)
+    rig.engine.close()
+
+
+@pytest.mark.parametrize(("fault", "value"), [("position_offset", 1_000_000), ("freeze_position", True)])
+def test_a_feedback_fault_that_begins_as_a_speed_telegram_is_lost_is_found(fault: str, value: object) -> None:
+    rig = BusRig(bus_machine("object_60FE")).power_up().cruise(6.0)
+    begun = len(rig.ticks)
+    rig.drop_telegram(SPEED_AND_INPUTS, 1)
+    rig.inject(fault, value=value)
+    rig.run(4.0)
+    assert rig.stops[0].startswith("ENC-"), rig.told
+    assert rig.way_deg(begun - 1) < FEEDBACK_DEG[6.0]
+    assert rig.axis.power.phase is PowerPhase.OFF
     rig.engine.close()

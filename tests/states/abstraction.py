@@ -241,6 +241,7 @@ RULES: Final[dict[type, Rules]] = {
         "_jump_per_speed _old_scans _period_s _ratio read_rad",
         special={
             "_late_scan": _since("_late_scan"),
+            "_speed_scan": _since("_speed_scan"),
             "_bad_scans": lambda feedback, roots: tuple(
                 min(roots.axis.scan - scan, 8) for scan in feedback._bad_scans
             ),

@@ -92,7 +92,7 @@ class Feedback:
         "_complains", "_counts_per_rad", "_deviation_ms", "_doubtful", "_drift", "_drift_keep", "_drift_max",
         "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
         "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
-        "_ratio", "_rest", "_speed_age", "_spread", "_stands_from", "_step", "_vel_before", "_vel_max",
+        "_ratio", "_rest", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step", "_vel_before", "_vel_max",
         "_was_energised", "age", "brake_contact", "brake_open", "counts", "encoder_alarm", "error_code",
         "in_doubt", "inputs", "motor_temp_c", "overload", "periods", "pos_ring_rad", "read_rad", "state",
         "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
@@ -141,6 +141,7 @@ class Feedback:
         self._old_scans = max(3, int(monitors.reading_age_s / period_s + 1e-9))
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self._late_scan, self._late_age = -10, 0
+        self._speed_scan = -10  # the last in which the speed was older than the position
         # `_look`: the reading of the next scan is looked at closely, whatever it says.
         self._look = self.encoder_alarm = self.in_doubt = self._old = self._doubtful = self._complains = False
         self._rest: tuple[Any, ...] = ()
@@ -255,8 +256,8 @@ class Feedback:
 
     @property
     def speed_known(self) -> bool:
-        """The speed is not older than a reading may be."""
-        return self._speed_age < self._old_scans
+        """The speed, told or from the position, is not older than a reading may be."""
+        return min(self._speed_age, self.age) < self._old_scans
 
     @property
     def brake_known(self) -> bool:
@@ -352,13 +353,19 @@ class Feedback:
         scans = self.periods + (missed + 1 if missed else 0) + self._spread
         # A computer that holds the controller up between its clock and SYNC moves the sample, not the axis.
         self._drift -= vel_rad_s * self._jump_per_speed * self._spread
-        if self._speed_age and not age and math.isfinite(step):
-            # Position and speed come in telegrams of their own: what is old is no measure of what is new.
-            span = max(0.1, self.periods + self._spread)
-            vel_rad_s = self.vel_rad_s if missed else step / (self._jump_per_speed * span)
+        if self._speed_age > age and math.isfinite(step):
+            # Position and speed come in telegrams of their own: what is old is no measure of what is new. A speed from
+            # one step of the position is as wrong as its sample was late (a quarter for 1 ms of a scan of 4 ms), so
+            # the one that was told stands until it is too old.
+            if self._speed_age >= self._old_scans and not missed:
+                vel_rad_s = step / (self._jump_per_speed * max(0.1, self.periods + self._spread))
+            else:
+                vel_rad_s = self.vel_rad_s
+            self._speed_scan = scan
             self._drift = 0.0
         else:
-            vel_rad_s = self._speed(vel_rad_s, scans)
+            behind = scan - self._speed_scan <= 1 + self.periods
+            vel_rad_s = self._speed(vel_rad_s, scans + (self._old_scans if behind else 0))
         if not math.isfinite(counts):
             self._drift = 0.0
             self.doubt(Code.CTL_02, measured=Words.ENCODER_COUNT)

@@ -259,8 +259,8 @@ class ProcessImage:
 
     @property
     def speed_age(self) -> int:
-        """Age of the speed, in scans; without its telegram it comes from the position."""
-        return min(self._speed.age, self._first.age)
+        """Age of 606C, in scans; of a drive without it that of the position, from which the speed comes then."""
+        return self._speed.age if self._has_velocity else self._first.age
 
     @property
     def inputs_age(self) -> int:
