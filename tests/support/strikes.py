@@ -1,4 +1,8 @@
-"""Each process of a service is frozen for a time or killed, at rest, in a jog and in a move: what the axis does."""
+"""Each process of a service is frozen for a time or killed, at rest, in a jog and in a move: what the axis does then.
+
+`python -m support.strikes ROOT` strikes the virtual gantry, with `can` behind it a virtual drive on a CAN bus over
+multicast, for which it needs a network namespace of its own; names of processes strike those only. Prints JSON.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +10,23 @@ import json
 import math
 import os
 import signal
+import subprocess
+import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.engineering.stops import StopClass, worst_stop
-from gantryctl.machine import Machine, default_machine
+from gantryctl.machine import Machine, default_machine, load_machine
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal.proof import verify
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
+from support.controller_death import silent_stop
+from support.killed_on_bus import machine_file, until_said
 from support.service_process import PASSWORD, Service
 
 VICTIMS = ("recorder", "gateway", "controller", "supervisor")
@@ -43,13 +53,15 @@ class Strike(NamedTuple):
         return self.victim in ("gateway", "controller") and self.frozen_s > 0.3
 
 
-def limit_deg(machine: Machine, strike: Strike) -> float:
+def limit_deg(machine: Machine, strike: Strike, bus: bool) -> float:
     """Way from the strike to rest by the stop table; inf where the motion goes on."""
     moving = strike.state != "at rest"
     speed = SPEED_DEG_S if moving else 0.0
     before = speed * WITHIN_S + 0.02
     ramp = worst_stop(machine, StopClass.JOG_RELEASE, SPEED_DEG_S).angle_deg if moving else 0.0
     if strike.victim == "controller":
+        if bus:
+            return before + (silent_stop(machine, speed).angle_deg if moving else 0.0)
         # The plant of the virtual gantry stands still with its scan: a key is let go, a move goes on.
         if strike.state == "at rest":
             return before
@@ -61,12 +73,15 @@ def limit_deg(machine: Machine, strike: Strike) -> float:
     return math.inf if moving else before
 
 
-def words(strike: Strike) -> str:
+def words(strike: Strike, bus: bool) -> str:
     """What the journal must say; "" for what does no harm and is too short to be told."""
     killed = strike.frozen_s == KILL
     match strike.victim:
         case "controller" if killed:
             return "SYS-05"
+        # On a bus the drive has stopped by itself: that is told, or the lateness, whatever came first.
+        case "controller" if bus:
+            return "STOP ·"
         case "supervisor" if killed:
             return "SYS-06 supervisor"
         case _ if killed:
@@ -82,16 +97,20 @@ class Struck:
     """A service that is struck again and again.
 
     Args:
-        root: state root.
+        root: state root. machine: that it runs, of `config` unless it is the virtual gantry.
+        true: side channel of the drive on a bus, None for the virtual gantry.
     """
 
-    def __init__(self, root: Path) -> None:
-        self.root, self.machine = root, default_machine()
+    def __init__(self, root: Path, machine: Machine, config: Path | None, true: ControlClient | None) -> None:
+        self.root, self.machine, self.true = root, machine, true
+        self._options = [] if config is None else ["--config", str(config)]
         self.service = self._started()
         self.page = self.service.page("service")
 
     def _started(self) -> Service:
-        return Service(self.root).__enter__()
+        service = Service(self.root, *self._options)
+        service.directory = self.root / self.machine.name
+        return service.__enter__()
 
     def strike(self, strike: Strike) -> dict[str, Any]:
         """Strike once; what came of it."""
@@ -106,16 +125,25 @@ class Struck:
             self.wait(strike.frozen_s)
             os.kill(pid, signal.SIGCONT)
             struck_s = time.monotonic()
+        if self.true is not None:
+            self.wait(3.0)  # longer than any stop of the table from this speed
+        rest_deg = self.angle_deg() if self.true is not None else math.nan
         back_s = self.back(strike, struck_s)
-        rest_deg = self.rested(strike)
-        limit, wanted = limit_deg(self.machine, strike), words(strike)
+        if self.true is None:
+            rest_deg = self.rested(strike)
+        limit, wanted = (
+            limit_deg(self.machine, strike, self.true is not None),
+            words(strike, self.true is not None),
+        )
         told = self.texts()[seen:]
         until_s = time.monotonic() + 10.0
         while not any(wanted in text for text in told) and time.monotonic() < until_s:
             self.wait(0.1)
             told = self.texts()[seen:]
         # The plant of the virtual gantry dies with its controller.
-        judged = math.isfinite(limit) and (strike.victim, strike.frozen_s) != ("controller", KILL)
+        judged = math.isfinite(limit) and not (
+            self.true is None and strike.victim == "controller" and strike.frozen_s == KILL
+        )
         way_deg = abs(rest_deg - begin_deg)
         return {
             "victim": strike.victim,
@@ -135,7 +163,9 @@ class Struck:
         return [row.values["text"] for row in read_journal(self.service.directory, limit=1_000_000)]
 
     def angle_deg(self) -> float:
-        """As the page shows it."""
+        """True angle, motor side, on a bus; else as the page shows it."""
+        if self.true is not None:
+            return math.degrees(self.true.ask("truth")["pos_motor_rad"]) / self.machine.axis.ratio
         self.page.look()
         return float(self.page.tags["pos_act_deg"])
 
@@ -230,7 +260,7 @@ class Struck:
 
     def rested(self, strike: Strike) -> float:
         """Let the key go if it is held, and wait for rest where the strike ends the motion."""
-        goes_on = math.isinf(limit_deg(self.machine, strike)) and strike.state == "move"
+        goes_on = math.isinf(limit_deg(self.machine, strike, False)) and strike.state == "move"
         if not goes_on:
             self.page.until(lambda tags: tags["at_rest"] or not tags["power"])
         self.page.ask("stop")
@@ -239,22 +269,60 @@ class Struck:
         return at
 
 
-def strikes(root: Path) -> dict[str, Any]:
-    """All strikes, and what the journal looks like afterwards."""
+@contextmanager
+def machine_to_strike(root: Path, can: bool) -> Iterator[Struck]:
+    """The service on the virtual gantry, or on a virtual drive."""
     Users(root).add("service", Role.SERVICE, PASSWORD)
-    runs, struck = [], Struck(root)
-    try:
-        for victim in VICTIMS:
+    with ExitStack() as stack:
+        if not can:
+            struck = Struck(root, default_machine(), None, None)
+        else:
+            control = root / "drive.sock"
+            config = machine_file(root, control)
+            run = [sys.executable, "-m", "gantryctl"]
+            environment = {**os.environ, "GANTRYCTL_STATE": str(root), "PYTHONUNBUFFERED": "1"}
+            drive = subprocess.Popen(
+                [*run, "drive", "sim", "--config", str(config), "--can", "udp_multicast", "--channel",
+                 "239.74.163.2", "--control", str(control)],
+                stdout=subprocess.PIPE, text=True, env=environment,
+            )  # fmt: skip
+            stack.callback(_ended, drive)
+            until_said(drive, "side channel")
+            zero = ["encoder", "set-zero", "--config", str(config), "--angle", "0", "--witness", "test"]
+            subprocess.run([*run, *zero], check=True, stdout=subprocess.DEVNULL, env=environment)
+            true = stack.enter_context(ControlClient(control))
+            struck = Struck(root, load_machine(config), config, true)
+        try:
+            yield struck
+        finally:
+            struck.service.end()
+
+
+def _ended(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+
+
+def strikes(root: Path, can: bool, victims: Sequence[str] = VICTIMS) -> dict[str, Any]:
+    """All strikes, and what the journal looks like afterwards."""
+    runs = []
+    with machine_to_strike(root, can) as struck:
+        for victim in victims:
             for state in STATES:
                 for frozen_s in FROZEN_S:
                     runs.append(struck.strike(Strike(victim, state, frozen_s)))
-                    print(json.dumps(runs[-1]))
-    finally:
-        struck.service.end()
-    directory = struck.service.directory
+                    sys.stderr.write(f"{json.dumps(runs[-1])}\n")
+        directory = struck.service.directory
+    rows = read_journal(directory, limit=1_000_000)
     numbers: dict[tuple[int, int], list[int]] = {}
-    for row in read_journal(directory, limit=1_000_000):
+    for row in rows:
         if row.values["boot"]:
             numbers.setdefault((row.values["boot"], row.values["source"]), []).append(row.values["number"])
     gaps = sum(found != list(range(1, len(found) + 1)) for found in numbers.values())
     return {"runs": runs, "journal": verify(directory).wrong or "intact", "gaps_in_numbers": gaps}
+
+
+if __name__ == "__main__":
+    asked = sys.argv[2:]
+    named = [victim for victim in VICTIMS if victim in asked]
+    print(json.dumps(strikes(Path(sys.argv[1]), "can" in asked, named or VICTIMS)))
