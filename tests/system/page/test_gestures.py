@@ -11,7 +11,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
-from support.browser import SIZE, Proxy, enter, farthest_deg, look_on, press, ready_to_jog, until_moving
+from support.browser import SIZE, Proxy, enter, farthest_deg, look_on, press_until_moving, ready_to_jog
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
@@ -81,7 +81,7 @@ def test_every_random_gesture_ends_at_rest(
     chance = random.Random(20261121)
     person = Person(browser, page_service, watcher, proxy)
     page: Page | None = None
-    worst_s, counts = 0.0, dict.fromkeys([*ENDINGS, "freeze"], 0)
+    worst_s, lost, counts = 0.0, 0, dict.fromkeys([*ENDINGS, "freeze"], 0)
     lags = dict.fromkeys(LAGS_S, 0)
     for number in range(SEQUENCES):
         proxy.lag_s = chance.choice(LAGS_S)
@@ -91,8 +91,7 @@ def test_every_random_gesture_ends_at_rest(
         counts[ending] += 1
         # Back and forth: 300 presses one way would use the cable up.
         sign = 1.0 if watcher.look()["pos_ref_deg"] < 0.0 else -1.0
-        press(page, "forward" if sign > 0.0 else "reverse")
-        until_moving(watcher)
+        lost += press_until_moving(page, watcher, "forward" if sign > 0.0 else "reverse")
         look_on(watcher, chance.randrange(6))
         if ending == "freeze":
             farthest = farthest_deg(watcher, sign=sign)
@@ -117,6 +116,7 @@ def test_every_random_gesture_ends_at_rest(
             "sequences": SEQUENCES,
             "round_trips_ms": {f"{2e3 * lag_s:.0f}": n for lag_s, n in lags.items()},
             "endings": counts,
+            "presses_not_taken": lost,
             "longest_stop_s": round(worst_s, 3),
         },
     )
@@ -142,8 +142,9 @@ def test_how_short_a_freeze_it_survives(
                 if not held.count() or abs(watcher.tags["pos_ref_deg"]) > 170.0:
                     page.mouse.up()
                     watcher.until(lambda tags: tags["at_rest"])
-                    press(page, "reverse" if watcher.tags["pos_ref_deg"] > 0.0 else "forward")
-                    until_moving(watcher)
+                    press_until_moving(
+                        page, watcher, "reverse" if watcher.tags["pos_ref_deg"] > 0.0 else "forward"
+                    )
                 proxy.frozen_for(float(frozen_ms) / 1000)
                 speeds = [abs(speed) for speed in look_on(watcher, 12 + int(frozen_ms) // 50)]
                 stops[frozen_ms] += min(speeds) == 0.0
