@@ -46,7 +46,7 @@ demo: core
 test: setup lint types layers test-core page-check pytest
 
 pytest: setup $(NODE_OPCUA)
-	.venv/bin/python -m pytest -n 2
+	.venv/bin/python -m pytest -n 3
 
 test-slow: setup $(NODE_OPCUA)
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang
