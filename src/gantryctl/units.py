@@ -38,13 +38,34 @@ class Dial(NamedTuple):
 
     Attributes:
         begin_deg: where the turn begins that they are read in; None where they are read as they are.
+        stops_deg: mechanical stops of an axis that can stand at two places which read alike, as +-180 deg both read
+            180; None where it cannot.
     """
 
     begin_deg: float | None = None
+    stops_deg: tuple[float, float] | None = None
 
     def read_deg(self, angle_deg: float) -> float:
         """An angle of the axis as people read it; never a difference of angles."""
         return angle_deg if self.begin_deg is None else within_turn(angle_deg, self.begin_deg, 360.0)
+
+    def end_of(self, angle_deg: float) -> Literal["", "-", "+"]:
+        """The end of travel at which an angle lies whose reading another place of the axis shares; "" elsewhere."""
+        if self.begin_deg is None or self.stops_deg is None:
+            return ""
+        low, high = self.stops_deg
+        return "-" if angle_deg + 360.0 <= high else "+" if angle_deg - 360.0 >= low else ""
+
+    def text(self, angle_deg: float, spec: str = "g") -> str:
+        """The number that people read, without its unit: "340", or "180 (- end)" where two places read alike."""
+        end, number = self.end_of(angle_deg), f"{self.read_deg(angle_deg):{spec}}"
+        # Never "-0.00".
+        number = number if float(number) else f"{0.0:{spec}}"
+        return f"{number} ({end} end)" if end else number
+
+    def span(self, low_deg: float, high_deg: float, spec: str = "g") -> str:
+        """Two ends of a range, from the lower to the higher angle of the axis: "210 to 150"."""
+        return f"{self.text(low_deg, spec)} to {self.text(high_deg, spec)}"
 
     def metadata(self) -> dict[str, float]:
         """What a recording says about it; nothing where angles are read as they are."""

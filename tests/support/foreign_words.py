@@ -10,9 +10,9 @@ from typing import Final
 import pyarrow.parquet
 
 WORDS: Final = re.compile(
-    r"the paper\b|the paper's|Sun, Gong, Cai|dqcd24023|hust|gantry(?!ctl)", re.IGNORECASE
+    r"the paper\b|the paper's|Sun, Gong, Cai|dqcd24023|hust|gantry(?!ctl)|机架|论文", re.IGNORECASE
 )
-"""Words of the paper and of its machine; "gantry" only in the name of this product."""
+"""Words of the paper and of its machine, also in Chinese; "gantry" only in the name of this product."""
 
 # Waves of its gear map, the gains of its loops, its acceleration, the radius of its ring.
 NUMBERS: Final = re.compile(

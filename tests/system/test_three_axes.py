@@ -11,6 +11,7 @@ import pytest
 
 from support.command_line import cli
 from support.foreign_words import foreign, foreign_in, foreign_in_html
+from support.reports import CAMPAIGN
 
 # The last two take some ten seconds of processor each.
 AXES = [
@@ -73,6 +74,15 @@ FURTHER = [
     ["stops", "--find-quick", "--config", "axis1.toml"],
     ["tune", "--config", "axis1.toml", "--out", "tuning"],
     ["tune", "--config", "axis1.toml", "--method", "margins", "--out", "margins"],
+    ["faults", "run", "--fault", "A2", "--config", "axis1.toml", "--out", "fault.png"],
+    ["trace", "show"],
+    ["trace", "plot", "--out", "trace.html"],
+    ["identify", "--config", "axis1.toml"],
+    ["campaign", "run", "campaign.toml", "--out", "campaign"],
+    ["campaign", "show", "campaign"],
+    ["campaign", "plot", "campaign", "--out", "campaign_page"],
+    ["alarms", "--config", "axis1.toml"],
+    ["reset", "--config", "axis1.toml"],
 ]
 """Other commands of an engineer; a verdict may be FAIL (1), but nothing is refused."""
 
@@ -84,6 +94,9 @@ def test_no_other_command_speaks_of_the_reference_machine(template: str, tmp_pat
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
     assert cli("new", "axis1", "--template", template, "--gears", "0").code == 0
+    (tmp_path / "campaign.toml").write_text(
+        CAMPAIGN.replace("[campaign]\n", '[campaign]\nmachine = "axis1.toml"\n'), encoding="utf-8"
+    )
     refused, hits = [], []
     for line in FURTHER:
         answer = cli(*line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -143,6 +144,35 @@ def a_drive_that_goes_beyond_the_travel(patch: pytest.MonkeyPatch) -> None:
     bench.engine.run_for(1.0)
 
 
+def blind_move(bench: Bench, patch: pytest.MonkeyPatch, target_deg: float, seconds: float) -> None:
+    """A move planned and watched without the no-go sectors that the machine file has."""
+    patch.setattr(AlarmLog, "raise_", lambda *_, **__: None)
+    axis = bench.up().engine.program.axis
+    blind = replace(axis.settings.travel, no_go_rad=())
+    axis.virtual._travel = blind
+    axis.motion._settings = replace(axis.settings, travel=blind)
+    bench.op(move=True, target_rad=rad(target_deg), speed_rad_s=rad(3.0))
+    bench.op(move=False)
+    bench.engine.run_for(seconds)
+
+
+def a_program_that_goes_into_a_sector(patch: pytest.MonkeyPatch) -> None:
+    blind_move(Bench(58.0, axis__no_go_deg=((60.0, 120.0),)), patch, 61.0, 6.0)
+
+
+def a_program_that_goes_back_into_the_sector_that_it_has_left(patch: pytest.MonkeyPatch) -> None:
+    bench = Bench(-60.5, axis__no_go_deg=((-120.0, -60.0),))
+    blind_move(bench, patch, -58.0, 8.0)
+    bench.op(move=True, target_rad=rad(-61.0))
+    bench.op(move=False)
+    bench.engine.run_for(8.0)
+
+
+def a_modulo_axis_that_goes_through_a_sector_of_the_turn_before(patch: pytest.MonkeyPatch) -> None:
+    machine = modulo_machine({"axis.no_go_deg": ((340.0, 350.0),)})
+    blind_move(Bench(-8.0, machine), patch, -11.0, 6.0)
+
+
 def a_number_that_is_none(_: pytest.MonkeyPatch) -> None:
     bench = Bench().up()
     Between(bench, lambda output: output._replace(vel_cmd_rad_s=math.nan))
@@ -269,6 +299,9 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-2", an_enable_that_nobody_asked_for),
         ("INV-3", a_speed_that_jumps),
         ("INV-3", a_drive_that_goes_beyond_the_travel),
+        ("INV-3", a_program_that_goes_into_a_sector),
+        ("INV-3", a_program_that_goes_back_into_the_sector_that_it_has_left),
+        ("INV-3", a_modulo_axis_that_goes_through_a_sector_of_the_turn_before),
         ("INV-4", a_number_that_is_none),
         ("INV-4", a_speed_without_enable),
         pytest.param("INV-4", a_frame_of_somebody_else, marks=pytest.mark.can),

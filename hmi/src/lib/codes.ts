@@ -97,7 +97,7 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'PWR-04': {"title": "不能上电", "message": "不能上电：{reason}", "cause": "上电前必须满足的条件未满足。", "to_do": "排除原因后重新上电。"},
   'SYS-02': {"title": "扫描迟到", "message": "{measured}", "cause": "其他任务占用了控制器的处理器。", "to_do": "查明占用处理器的原因，然后复位。"},
   'SYS-03': {"title": "控制器冻结", "message": "控制器冻结 {late_s:.3f} s（限值 {limit_s:.3f} s）", "cause": "控制器有一段时间完全没有运行。", "to_do": "查明占用处理器的原因，然后复位。"},
-  'SYS-05': {"title": "上次运行未正常关闭", "message": "控制器上次运行未正常关闭；{when}位于 {where}", "cause": "控制器或整个服务被终止，或计算机断电。", "to_do": "在日志中查找原因；运动前查看机架。"},
+  'SYS-05': {"title": "上次运行未正常关闭", "message": "控制器上次运行未正常关闭；{when}位于 {where}", "cause": "控制器或整个服务被终止，或计算机断电。", "to_do": "在日志中查找原因；运动前查看轴。"},
   'SYS-06': {"title": "进程结束", "message": "{process} {how}", "cause": "服务的一个进程崩溃或没有生命信号；监督进程将其重新启动。", "to_do": "在日志中查找原因；若再次出现，请报告。"},
   'SYS-07': {"title": "正在关闭", "message": "服务正在关闭", "cause": "服务或计算机正在关闭。", "to_do": "等待服务重新运行。"},
   'SYS-09': {"title": "程序故障", "message": "扫描 {scan} 中 {failure}（t = {time_s:.3f} s）：{text}（{place}）", "cause": "自定义程序或 gantryctl 有故障。", "to_do": "修正程序或报告；然后复位。"},

@@ -308,7 +308,7 @@ export interface Tags {
   display: string | null;
   /** No-go sectors, from and to; of a modulo axis in every turn. [deg] */
   no_go_deg: [number, number][] | null;
-  /** What the page draws: gantry for the machine of the paper, else axis. */
+  /** What the page draws: couch, an axis that turns around one, or axis. */
   drawing: string | null;
   /** sim, ideal or canopen. */
   drive_kind: string | null;

@@ -1,6 +1,7 @@
 // Travel of the axis as the page shows it: how angles are read, how far the set-point may go, what lies between.
 // The service decides; what is refused here it would refuse in the same words (`program/axis/command_checks.py`).
 import { num, signed } from './format';
+import { t } from './prefs.svelte';
 import type { Message, Tags, Values } from './tables';
 
 type Known = Partial<Tags>;
@@ -31,6 +32,32 @@ export function read(deg: number | null | undefined, tags: Known): number | null
   if (deg == null || from === null) return deg ?? null;
   const start = from - EDGE_DEG;
   return start + ((((deg - start) % 360) + 360) % 360);
+}
+
+/** A limit of the angle in sentences: with its sign where both ends of travel read alike. */
+function readEnd(deg: number, tags: Known): number {
+  const { over_travel_min_deg: bottom, over_travel_max_deg: top } = tags;
+  const alike = tags.display === '0..360' && bottom != null && top != null && top - bottom >= 360;
+  return alike ? deg : (read(deg, tags) ?? deg);
+}
+
+/** The end of travel at which an angle lies whose reading another place of the axis shares, as ±180° do; '' elsewhere. */
+export function endOf(deg: number | null | undefined, tags: Known): '' | '−' | '+' {
+  const { mechanical_stop_min_deg: bottom, mechanical_stop_max_deg: top } = tags;
+  if (deg == null || tags.display !== '0..360' || modulo(tags) || bottom == null || top == null) return '';
+  return deg + 360 <= top ? '−' : deg - 360 >= bottom ? '+' : '';
+}
+
+/** In words, '' where the reading alone is clear. */
+export function endText(deg: number | null | undefined, tags: Known): string {
+  const end = endOf(deg, tags);
+  return end && t('end_of', { end });
+}
+
+/** An angle of the axis as people read it, with the end of travel where two places read alike. */
+export function angleText(deg: number | null | undefined, decimals: number, tags: Known): string {
+  const end = endText(deg, tags);
+  return `${num(read(deg, tags), decimals)}°${end && ` (${end})`}`;
 }
 
 /** What stands at a place of a scale: with a sign where angles have one. */
@@ -128,7 +155,12 @@ export function refusal(target: number, direction: Way, tags: Known): Message | 
   if (!sector)
     return {
       code: 'CTL-09',
-      values: { ...common, position, left: Math.abs(Math.max(0, up ? top - here : here - bottom)) },
+      values: {
+        ...common,
+        limit: readEnd(limit, tags),
+        position,
+        left: Math.abs(Math.max(0, up ? top - here : here - bottom)),
+      },
     };
   const other = end - 360 * Math.sign(way);
   const free = !sectors(tags, end - 360, end + 360).some(([a, b]) => a < end && end < b);

@@ -90,8 +90,8 @@ def encoder(c: Context) -> StepResult:
             "the angle is not valid",
             reason.text if reason is not None else "gantryctl encoder set-zero",
         )
-    read_deg = c.machine.axis.read_deg(reading.angle_deg)
-    proof = f"stands at {read_deg:.4f} deg, zero set by {retained.zero_set_by} ({retained.zero_witness})"
+    at = c.machine.axis.dial.text(reading.angle_deg, ".4f")
+    proof = f"stands at {at} deg, zero set by {retained.zero_set_by} ({retained.zero_witness})"
     # None for a modulo axis, whose encoder may wrap anywhere.
     margins = {"margin_minus_deg": reading.margin_minus_deg, "margin_plus_deg": reading.margin_plus_deg}
     figures = {name: margin for name, margin in margins.items() if margin is not None}

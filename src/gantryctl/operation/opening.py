@@ -149,8 +149,8 @@ def _open(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMa
     # Plant and memory belong together: one without the other means a lost file, and the zero cannot be guessed.
     if kept is None:
         if retained is None:
-            read_deg = machine.axis.read_deg(machine.axis.start_angle_deg)
-            standing = f"a new simulated machine, standing at {read_deg:g} deg"
+            at = machine.axis.dial.text(machine.axis.start_angle_deg)
+            standing = f"a new simulated machine, standing at {at} deg"
             return new_machine(machine)._replace(notes=(standing,))
         raise StateError(
             f"{store.directory}: retained memory without a simulated plant; `gantryctl sim reset` makes a new machine"
@@ -166,8 +166,8 @@ def _open(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMa
     # The state vector of another plant means nothing here; the angle is what a person expects to find again.
     angle = deg(state.get("pos_load", state.get("pos_ideal", 0.0)))
     moved = new_machine(machine, angle)
-    read_deg = machine.axis.read_deg(angle)
-    note = f"[plant] has changed since the last run: the new plant stands at the same {read_deg:.4f} deg, zeroed anew"
+    at = machine.axis.dial.text(angle, ".4f")
+    note = f"[plant] has changed since the last run: the new plant stands at the same {at} deg, zeroed anew"
     return _opened(machine, moved.drive, retained_of_new_plant(retained, moved.retained), (*notes, note))
 
 
@@ -210,7 +210,7 @@ def new_machine(machine: Machine, angle_deg: float | None = None) -> OpenMachine
             encoder_serial=drive.identity().encoder_serial,
             zero_offset_counts=zero,
             zero_set_by="simulator",
-            zero_witness=f"new simulated machine, zeroed at {machine.axis.read_deg(zeroed_deg):g} deg",
+            zero_witness=f"new simulated machine, zeroed at {machine.axis.dial.text(zeroed_deg)} deg",
             rest_position_counts=rest,
         )
     return _opened(machine, drive, retained)

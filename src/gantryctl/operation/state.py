@@ -182,8 +182,8 @@ def reset_machine(machine: Machine) -> str:
             )
         if retained.doubted_by:
             assert reading.angle_deg is not None
-            read_deg = machine.axis.read_deg(reading.angle_deg)
-            done.append(f"the encoder's angle of {read_deg:.3f} deg is accepted by {who}")
+            at = machine.axis.dial.text(reading.angle_deg, ".3f")
+            done.append(f"the encoder's angle of {at} deg is accepted by {who}")
             retained = replace(retained, doubted_by="")
         if retained.brake_failed:
             done.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
@@ -219,8 +219,8 @@ def reset_simulation(machine: Machine, angle_deg: float | None) -> str:
         keep_machine(machine, store, fresh.drive, fresh.retained)
     leave_bus(fresh.drive)
     standing_deg = machine.axis.start_angle_deg if angle_deg is None else angle_deg
-    read_deg = machine.axis.read_deg(standing_deg)
-    return f"{machine.name}: a new simulated machine stands at {read_deg:g} deg, brake closed"
+    at = machine.axis.dial.text(standing_deg)
+    return f"{machine.name}: a new simulated machine stands at {at} deg, brake closed"
 
 
 _ZERO_KEYS: Final = (
@@ -260,7 +260,7 @@ class EncoderReport:
             ("zero offset", "not set" if zero is None else f"fine count {zero}"),
             ("zero set by", f"{kept.zero_set_by or '-'} {kept.zero_set_at}".strip()),
             ("witness", kept.zero_witness or "-"),
-            ("angle", "unknown" if r.angle_deg is None else f"{self.dial.read_deg(r.angle_deg):.5f} deg"),
+            ("angle", "unknown" if r.angle_deg is None else f"{self.dial.text(r.angle_deg, '.5f')} deg"),
             ("wrap margin", margins),
             ("stored rest position", "-" if rest is None else f"fine count {rest}"),
             ("moved while off", "-" if r.moved_deg is None else f"{r.moved_deg:+.5f} deg"),
@@ -318,7 +318,5 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
                 "shaft, or mount it with its range centred" + _AROUND_ZERO * machine.on_bus
             )
         keep_machine(machine, store, opened.drive, retained)
-    read_deg = machine.axis.read_deg(angle_deg)
-    return (
-        f"zero set by {retained.zero_set_by}: the axis stands at {read_deg:g} deg ({retained.zero_witness})"
-    )
+    at = machine.axis.dial.text(angle_deg)
+    return f"zero set by {retained.zero_set_by}: the axis stands at {at} deg ({retained.zero_witness})"

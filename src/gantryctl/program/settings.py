@@ -70,6 +70,11 @@ class TravelSettings:
         """An angle in tags and JSON: of a modulo axis, within its turn."""
         return within_turn(pos_rad, self.turn_from_rad, math.tau) if self.endless else pos_rad
 
+    def read_end_rad(self, end_rad: float) -> float:
+        """A limit of the angle in sentences: with its sign where both ends of travel read alike."""
+        alike = self.over_travel_max_rad - self.over_travel_min_rad >= math.tau
+        return end_rad if self.read_within_turn and alike else self.read_rad(end_rad)
+
     def read_rad(self, pos_rad: float) -> float:
         """An angle in sentences, as people read it."""
         # Beyond a turn it is no angle of the axis: what was typed is shown.

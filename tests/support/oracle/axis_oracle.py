@@ -59,9 +59,10 @@ class AxisOracle:
     **INV-2, no motion without a reason.** While the wire commands no speed and no stop is under way, the motor side
     stays within 0.15 deg; the shipped program commands a speed only while an operator's move, key with a living lease
     or increment asks for it, and enables only after a rising edge of power or of a brake test, or for HOLD.
-    **INV-3, envelope.** The motor side stays within +-180.5 deg (or where it began; a modulo axis has no ends), within
-    1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback); the speed command changes no faster than
-    the steepest ramp in force, and the correction that the position loop may add.
+    **INV-3, envelope.** The motor side stays within over-travel (or where it began; a modulo axis has no ends) and
+    outside of every no-go sector, unless it stands in one and leaves; a stop of a fault ends at most 4.5 deg further.
+    It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback); the speed command changes
+    no faster than the steepest ramp in force, and the correction that the position loop may add.
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
@@ -128,6 +129,7 @@ class AxisOracle:
         self._deg = 1.0
         self._sag = self._high = self._speed_max = self._rest = self._told = self._settled = math.inf
         self._low = -math.inf
+        self._in_sector = False
         self._vel_max = self._torque_max = self._slope = math.inf
 
     # --- who commands -------------------------------------------------------------------------------------------
@@ -235,7 +237,9 @@ class AxisOracle:
             self._zero_counts = axis.zero_counts
             moved = angle - self.angle - self.offset
             self.offset += moved if begins or not axis.settings.travel.endless else self._zero_moved(moved)
-            self._low, self._high = self._travel(limits.TRAVEL_DEG)
+            self._low, self._high = self._stretch()
+        elif self._in_sector:
+            self._low, self._high = self._stretch()
         self._wrong = wrong = angle - self.angle - self.offset
         if not -self._told <= wrong <= self._told:
             self._wrong_angle(wrong)
@@ -425,9 +429,14 @@ class AxisOracle:
             limit += limits.FAULT_OVERSPEED_DEG_S * self._deg
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
-        low, high = (self._low, self._high) if onset is None else self._travel(limits.STOPS_DEG)
-        if not low <= self.angle <= high:
-            self.say("INV-3", f"true angle {(self.angle + self.offset) / self._deg:.3f} deg")
+        low, high = self._low, self._high
+        beyond = self.angle - high if self.angle > high else low - self.angle
+        torque_off = self._stop is not None and self._stop.kind is not StopClass.QUICK
+        if beyond > (limits.BEYOND_DEG * self._deg if onset is not None or torque_off else 0.0):
+            self.say(
+                "INV-3",
+                f"true angle {(self.angle + self.offset) / self._deg:.3f} deg, {beyond / self._deg:.3f} deg beyond",
+            )
 
     def _zero_moved(self, moved: float) -> float:
         """Move of the zero of an axis that turns without end, rad at the motor, as far as it may be.
@@ -447,14 +456,28 @@ class AxisOracle:
             self.say("INV-7", f"the zero has moved by {self.deg(moved):.2f} deg under a motion to an angle")
         return moved if referenced else whole
 
-    def _travel(self, limit_deg: float) -> tuple[float, float]:
-        """Motor angles of the travel by the zero of the machine; an axis that stands outside may stand there."""
-        if self._axis is not None and self._axis.settings.travel.endless:
-            return -math.inf, math.inf
-        limit = limit_deg * self._deg
+    def _stretch(self) -> tuple[float, float]:
+        """Motor angles between over-travel and no-go sectors, by the zero of the machine.
+
+        An axis that stands outside of travel may stand there, and one that stands in a sector may leave it.
+        """
+        travel, ratio = self._axis.settings.travel, self._ratio
+        here = (self.angle + self.offset) / ratio
+        low, high, self._in_sector = travel.over_travel_min_rad, travel.over_travel_max_rad, False
+        for begin, end in travel.no_go_rad:
+            # A modulo axis has the sector in every turn: the one that begins below here, and the next.
+            turns = math.floor((here - begin) / math.tau) if travel.endless else 0
+            for turn in (turns, turns + 1) if travel.endless else (0,):
+                first, last = begin + turn * math.tau, end + turn * math.tau
+                if first < here < last:
+                    self._in_sector = True
+                elif last <= here:
+                    low = max(low, last)
+                else:
+                    high = min(high, first)
         return (
-            min(-limit - self.offset, self.angle - self._sag),
-            max(limit - self.offset, self.angle + self._sag),
+            min(low * ratio - self.offset, self.angle - self._sag),
+            max(high * ratio - self.offset, self.angle + self._sag),
         )
 
     def _switched(self, energised: bool, brake_open: bool) -> None:

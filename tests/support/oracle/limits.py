@@ -47,8 +47,8 @@ TOLD_WRONG_S: Final = 0.1
 """So long may an angle be wrong before it is called not valid: an alarm is told within 100 ms."""
 BRAKE_CLOSES_S: Final = 0.2
 """Dead time of the brake by its specification."""
-TRAVEL_DEG: Final = 180.5
-STOPS_DEG: Final = 185.0
+BEYOND_DEG: Final = 4.5
+"""So far beyond over-travel, or into a no-go sector, a stop of a fault may end: its largest way, from 6 deg/s."""
 OVERSPEED: Final = 1.1
 """Part of the highest speed setting that the true speed never passes without a fault of the feedback."""
 FAULT_OVERSPEED_DEG_S: Final = 1.2

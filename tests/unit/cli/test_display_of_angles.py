@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from gantryctl.machine import default_machine, with_values
 from gantryctl.machine.effective import to_toml
 from support.axes import tilt
-from support.command_line import cli
+from support.command_line import cli, done
 
 IEC = with_values(default_machine(), {"axis.display": "0..360", "machine.name": "iec"})
 
@@ -30,6 +31,39 @@ def test_what_the_display_shows_may_be_typed(typed_deg: float, angle_deg: float)
     assert IEC.axis.meant_deg(typed_deg) == angle_deg
     # Where angles are signed, 350 deg lie beyond travel, and nothing is guessed.
     assert default_machine().axis.meant_deg(typed_deg) == typed_deg
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "text"),
+    [
+        (-180.0, "180.00 (- end)"), (180.0, "180.00 (+ end)"), (-175.0, "185.00 (- end)"), (174.0, "174.00 (+ end)"),
+        (-172.9, "187.10"), (172.9, "172.90"), (-0.001, "0.00"), (90.0, "90.00"),
+    ],
+)  # fmt: skip
+def test_of_two_places_that_read_alike_the_end_is_named(angle_deg: float, text: str) -> None:
+    """The mechanical stops stand at +-187 deg: from 173 to 187 deg a reading is two places."""
+    assert IEC.axis.dial.text(angle_deg, ".2f") == text
+    # Signed angles, and a travel without two such places, need no word.
+    assert "end" not in default_machine().axis.dial.text(angle_deg, ".2f")
+    assert "end" not in with_values(tilt(), {"axis.display": "0..360"}).axis.dial.text(angle_deg, ".2f")
+
+
+def test_the_ends_of_travel_are_told_apart_in_refusals_and_on_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    file = tmp_path / "iec.toml"
+    file.write_text(to_toml(IEC), encoding="utf-8")
+    assert "stands at 180 (- end) deg" in done("sim", "reset", "--angle=-180", "--config", file).out
+    assert "179.9996 (- end) deg" in done("status", "--config", file).out
+    back = done("move", "--by", "0.2", "--config", file, "--no-trace").out
+    assert re.search(r"done: 179\.99\d* \(- end\) -> 180\.(19|20)\d* \(- end\) deg", back), back
+    told = cli("move", "--by", "-10", "--config", file, "--no-trace").err
+    assert "is beyond -180.00 deg" in told
+    told = cli("sim", "reset", "--angle", "190", "--config", file)
+    assert "stands at 190 deg" in told.out
+    told = cli("sim", "reset", "--angle", "800", "--config", file)
+    assert "mechanical stops are at 173 (- end) and 187 (+ end) deg" in told.err
 
 
 def test_an_angle_beyond_travel_stays_what_was_typed() -> None:

@@ -19,6 +19,7 @@ from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status, read_retained, reset_machine
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
+from gantryctl.units import SIGNED
 
 IDEAL = with_values(default_machine(), {"drive.kind": "ideal"})
 SIM = default_machine()
@@ -428,7 +429,7 @@ def test_a_run_that_ends_in_doubt_tells_no_angle() -> None:
         session.move(90.0)
     assert session.snapshot().angle_deg is None
     assert session.snapshot().speed_deg_s is None
-    assert "?" in live_line(session.snapshot())
-    assert "?" in log_line(session.snapshot())
+    assert "?" in live_line(session.snapshot(), SIGNED)
+    assert "?" in log_line(session.snapshot(), SIGNED)
     assert seen[0].angle_deg is not None
     session.close("stopped by an alarm")

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import click
 
 from gantryctl.cli.options import print_json
-from gantryctl.cli.text import shown
 from gantryctl.errors import CommandRefused, GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation.client import MotionReport, Snapshot
-from gantryctl.units import DEG_S_PER_R_MIN
+from gantryctl.units import DEG_S_PER_R_MIN, Dial
 from gantryctl.wiring.program import ramps_deg
 
 if TYPE_CHECKING:
@@ -98,13 +97,15 @@ def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummar
     word = "stopped by an alarm" if report is None else report.text
     if s is None:
         if report is not None:
-            begin, end_deg = (machine.axis.read_deg(angle) for angle in (report.start_deg, report.end_deg))
-            yield f"{word}: {shown(begin, 4):.4f} -> {shown(end_deg, 4):.4f} deg"
+            begin, end = (
+                machine.axis.dial.text(angle, ".4f") for angle in (report.start_deg, report.end_deg)
+            )
+            yield f"{word}: {begin} -> {end} deg"
         return
-    read = machine.axis.read_deg
-    end = "an angle that is not known" if s.end_deg is None else f"{shown(read(s.end_deg), 4):.4f} deg"
+    read = machine.axis.dial.text
+    end = "an angle that is not known" if s.end_deg is None else f"{read(s.end_deg, '.4f')} deg"
     yield (
-        f"{word}: {shown(read(s.start_deg), 4):.4f} -> {end}, {s.duration_s:.2f} s, "
+        f"{word}: {read(s.start_deg, '.4f')} -> {end}, {s.duration_s:.2f} s, "
         f"peak {s.peak_deg_s:.2f} deg/s{_speed_hint(machine, s, report)}"
     )
     # The load side is what the paper judges; only a simulator knows it without an instrument.
@@ -156,15 +157,14 @@ class Display:
         if not self._enabled or (not self._live and snapshot.time_s < self._next_s):
             return
         self._next_s = snapshot.time_s + _LOG_EVERY_S
-        if snapshot.angle_deg is not None:
-            snapshot = snapshot._replace(angle_deg=self._machine.axis.read_deg(snapshot.angle_deg))
+        dial = self._machine.axis.dial
         try:
             if self._live:
                 # One column less than there are: the last one makes some terminals begin a new line.
                 width = shutil.get_terminal_size().columns - 1
-                click.echo(f"\r{live_line(snapshot)[:width]:{width}}", nl=False)
+                click.echo(f"\r{live_line(snapshot, dial)[:width]:{width}}", nl=False)
             else:
-                click.echo(log_line(snapshot))
+                click.echo(log_line(snapshot, dial))
         except OSError:
             mute()
             raise
@@ -185,11 +185,11 @@ def mute() -> None:
         os.close(nowhere)
 
 
-def live_line(s: Snapshot) -> str:
+def live_line(s: Snapshot, dial: Dial) -> str:
     """Angle, speed, following error, state, time left; fits into 80 columns."""
     left = f"{s.time_left_s:.1f} s left" if s.time_left_s is not None else f"{s.time_s:.1f} s"
     return (
-        f"{_known(s.angle_deg, 9, 3)} deg  {_known(s.speed_deg_s, 6, 2)} deg/s  "
+        f"{_angle(s.angle_deg, dial, 9, 3)} deg  {_known(s.speed_deg_s, 6, 2)} deg/s  "
         f"error {s.following_error_deg:+.5f} deg  {s.state:<17}  {left}"
     )
 
@@ -199,10 +199,18 @@ def _known(value: float | None, width: int, digits: int) -> str:
     return f"{'?':>{width}}" if value is None else f"{value:+{width}.{digits}f}"
 
 
-def log_line(s: Snapshot) -> str:
+def _angle(value: float | None, dial: Dial, width: int, digits: int) -> str:
+    """The angle as people read it, with a sign where angles have one."""
+    if value is None:
+        return _known(None, width, digits)
+    sign = "+" if dial.begin_deg is None or dial.begin_deg < 0.0 else ""
+    return f"{dial.text(value, f'{sign}.{digits}f'):>{width}}"
+
+
+def log_line(s: Snapshot, dial: Dial) -> str:
     """The same behind the time, for a file."""
     left = f"{s.time_left_s:5.1f} s left" if s.time_left_s is not None else ""
     return (
-        f"{s.time_s:7.1f} s  {_known(s.angle_deg, 10, 4)} deg  {_known(s.speed_deg_s, 7, 3)} deg/s  "
+        f"{s.time_s:7.1f} s  {_angle(s.angle_deg, dial, 10, 4)} deg  {_known(s.speed_deg_s, 7, 3)} deg/s  "
         f"error {s.following_error_deg:+.5f} deg  {s.state:<17}  {left}"
     ).rstrip()

@@ -198,8 +198,8 @@ def _way(
     if machine.axis.modulo:
         way = f"{distance:+.3f} deg" if by_way else _turning(machine, here, end, direction)
     return (
-        f"{machine.machine.name} ({machine.drive.kind}): from {machine.axis.read_deg(here):.3f} to "
-        f"{machine.axis.read_deg(end):.3f} deg, way {way} at {speed:g} deg/s, a quick stop takes {stop:.2f} deg"
+        f"{machine.machine.name} ({machine.drive.kind}): from {machine.axis.dial.text(here, '.3f')} "
+        f"to {machine.axis.dial.text(end, '.3f')} deg, way {way} at {speed:g} deg/s, a quick stop takes {stop:.2f} deg"
         + (f"; {note}" if note else "")
     )
 
@@ -233,8 +233,8 @@ def _check_unmoved(machine: Machine, asked: float, now: float) -> None:
         from gantryctl.errors import CommandRefused
 
         raise CommandRefused(
-            f"the axis stood at {machine.axis.read_deg(asked):.3f} deg when you were asked, now at "
-            f"{machine.axis.read_deg(now):.3f} deg: look, then ask again"
+            f"the axis stood at {machine.axis.dial.text(asked, '.3f')} deg when you were asked, now at "
+            f"{machine.axis.dial.text(now, '.3f')} deg: look, then ask again"
         )
 
 

@@ -112,8 +112,8 @@ class ServiceAxis:
         # A move goes on when its holder of control has gone; a key that is held does not.
         if not self.tags["at_rest"]:
             if not self._take_over:
-                target_deg = self.machine.axis.read_deg(self.tags["target_deg"])
-                raise CommandRefused(f"the axis moves to {target_deg:.2f} deg; --take-over stops it, or wait")
+                target = self.machine.axis.dial.text(self.tags["target_deg"], ".2f")
+                raise CommandRefused(f"the axis moves to {target} deg; --take-over stops it, or wait")
             self._link.ask("stop")
             self._wait(lambda tags: bool(tags["at_rest"]))
         return self.angle_deg

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 @service_option
 def status(config_file: Path | None, as_json: bool, service: bool) -> int:
     """Where the axis stands, what holds it, and what the last command did."""
-    from gantryctl.cli.text import shown
-
     machine = machine_of(config_file)
     tags, more = None, []
     if to_service(service, config_file):
@@ -52,7 +50,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
     click.echo(f"{found.machine}: {found.condition}")
     angle = "not known"
     if found.angle_deg is not None:
-        angle = f"{shown(machine.axis.read_deg(found.angle_deg), 4):.4f} deg (motor encoder)"
+        angle = f"{machine.axis.dial.text(found.angle_deg, '.4f')} deg (motor encoder)"
     rows = [
         ("angle", angle),
         *more,

@@ -144,7 +144,7 @@ def run_(
     def progress(index: int, target_deg: float) -> None:
         if not as_json:
             click.echo(
-                f"stop {index + 1} of {len(procedure.stops)}: {machine.axis.read_deg(target_deg):.1f} deg"
+                f"stop {index + 1} of {len(procedure.stops)}: {machine.axis.dial.text(target_deg, '.1f')} deg"
             )
 
     report = accuracy_report(machine, job, made.version, made.date, progress)
@@ -153,9 +153,9 @@ def run_(
 
 
 def _announce(machine: Machine, procedure: Procedure) -> str:
-    low, high = map(machine.axis.read_deg, procedure.travel_deg)
+    ends = machine.axis.dial.span(*procedure.travel_deg)
     return (
-        f"{machine.name}: chord test {procedure.name}, {len(procedure.stops)} stops between {low:g} and {high:g} deg, "
+        f"{machine.name}: chord test {procedure.name}, {len(procedure.stops)} stops from {ends} deg, "
         f"{machine.accuracy.dwell_s:g} s each, on the simulated axis in virtual time\n"
     )
 

@@ -124,7 +124,7 @@ def _measured(
     if not machine.axis.pos_min_deg < angle_deg < machine.axis.pos_max_deg:
         raise UsageError(
             f"--at {angle_deg:g}: must lie within travel, "
-            f"{machine.axis.pos_min_deg:g}..{machine.axis.pos_max_deg:g} deg"
+            f"{machine.axis.dial.span(machine.axis.pos_min_deg, machine.axis.pos_max_deg)} deg"
         )
     chosen = conditions(machine, angle_deg, torque_nm)
     # Every condition is checked before the first one is measured, which takes a minute.
@@ -132,9 +132,9 @@ def _measured(
     if not machine.on_bus:
         return [measure_simulated(machine, how) for how in chosen]
     largest_nm = max(how.torque_nm for how in chosen)
-    begin, end = map(machine.axis.read_deg, (min(starts), 2.0 * angle_deg - min(starts)))
+    begin, end = (machine.axis.dial.text(at, ".1f") for at in (min(starts), 2.0 * angle_deg - min(starts)))
     moves = (
-        f"moves to {begin:.1f} deg, stands and turns slowly to {end:.1f} deg for 8 minutes, with a test signal of "
+        f"moves to {begin} deg, stands and turns slowly to {end} deg for 8 minutes, with a test signal of "
         f"+-{largest_nm:.1f} N m on its speed command"
     )
     with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:

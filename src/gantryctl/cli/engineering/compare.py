@@ -147,8 +147,8 @@ def _on_bus(
 
     for machine in (paper, improved):
         check_quick_stop(machine)
-    low, high = map(improved.axis.read_deg, chord_test(improved).travel_deg)
-    moves = f"moves between {low:g} and {high:g} deg for 10 minutes with each of the two machine files"
+    ends = improved.axis.dial.span(*chord_test(improved).travel_deg)
+    moves = f"moves from {ends} deg and back for 10 minutes with each of the two machine files"
     found = compare_on_bus(
         paper,
         improved,

@@ -90,7 +90,8 @@ def asking(machine: Machine, moves: str, *, yes: bool) -> Callable[[AxisRun], No
     def agree(run: AxisRun) -> None:
         if run.must_ask and not yes:
             click.echo(
-                f"{machine.name}: {moves}; now at {machine.axis.read_deg(run.angle_deg):.2f} deg", err=True
+                f"{machine.name}: {moves}; now at {machine.axis.dial.text(run.angle_deg, '.2f')} deg",
+                err=True,
             )
             confirm("Begin?", "nothing moved")
 

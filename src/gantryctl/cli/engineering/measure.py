@@ -151,11 +151,11 @@ def _session(path: Path, machine: Machine, given: dict[str, Any]) -> ChordSessio
 
 def _announce(machine: Machine, session: ChordSession) -> str:
     procedure = session.procedure
-    low, high = map(machine.axis.read_deg, procedure.travel_deg)
+    ends = machine.axis.dial.span(*procedure.travel_deg)
     done = f"; {len(session.readings)} readings are there" if session.readings else ""
     return (
         f"{machine.machine.name} ({machine.drive.kind}): chord test {procedure.name}, {len(procedure.stops)} stops "
-        f"between {low:g} and {high:g} deg, {machine.accuracy.dwell_s:g} s each, {session.instruments[-1]}{done}"
+        f"from {ends} deg, {machine.accuracy.dwell_s:g} s each, {session.instruments[-1]}{done}"
     )
 
 

@@ -125,8 +125,6 @@ def _picture(report: AccuracyReport, beside: Beside) -> Picture:
             for name, table in ((report.origin.value, report.measured), beside)
             for way in table.directions
         ]
-        read_deg = report.dial.read_deg(base)
-        panels.append(
-            Panel(f"displacement from {read_deg:g} deg, deg", "chord error, 0.001 deg", tuple(lines))
-        )
+        at = report.dial.text(base)
+        panels.append(Panel(f"displacement from {at} deg, deg", "chord error, 0.001 deg", tuple(lines)))
     return Picture("chord errors", tuple(panels))

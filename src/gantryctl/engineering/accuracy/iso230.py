@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable, FloatArray, Layout
+from gantryctl.units import SIGNED, Dial
 
 # Approaches of every position in each direction that the standard asks for.
 MIN_RUNS = 5
@@ -103,9 +104,9 @@ class IsoFigures:
         )
 
 
-def iso230_2(table: ErrorTable, min_runs: int = MIN_RUNS) -> IsoFigures:
-    """ISO 230-2:2014 figures of a table, or the reason against them."""
-    reason = _why_not(table, min_runs)
+def iso230_2(table: ErrorTable, min_runs: int = MIN_RUNS, dial: Dial = SIGNED) -> IsoFigures:
+    """ISO 230-2:2014 figures of a table, or the reason against them, with angles as `dial` reads them."""
+    reason = _why_not(table, min_runs, dial)
     same = table.layout is Layout.RETURN
     if reason is not None:
         return IsoFigures(runs=table.runs, same_positions=same, not_computable=reason)
@@ -191,7 +192,7 @@ def _index_of(values: tuple[float, ...], wanted: float) -> int | None:
     return next((k for k, value in enumerate(values) if abs(value - wanted) < 1e-9), None)
 
 
-def _why_not(table: ErrorTable, min_runs: int) -> str | None:
+def _why_not(table: ErrorTable, min_runs: int, dial: Dial) -> str | None:
     if table.layout is Layout.STEPS:
         return "not computable: the table holds errors of single steps, not deviations at positions"
     if len(table.directions) < 2:
@@ -200,7 +201,7 @@ def _why_not(table: ErrorTable, min_runs: int) -> str | None:
         )
     for base in table.bases_deg:
         if any(len(table.select([base], direction)) == 0 for direction in Direction):
-            return f"not computable: base {base:g} deg was measured in one direction only"
+            return f"not computable: base {dial.text(base)} deg was measured in one direction only"
     if table.runs < min_runs:
         runs = f"{table.runs} run{'s' if table.runs > 1 else ''}"
         return f"not computable: {runs} in each direction, ISO 230-2 needs {min_runs}"

@@ -43,6 +43,10 @@ _DAMPING_POINTS: Final = 120
 _LOWEST_HZ: Final = 0.1
 _LOWEST_DB: Final = -60.0
 _QUARTER_DEG: Final = 90.0
+# The window around -1 and the unit circle; half its height is a quarter of a wide one's width, so that labels fit.
+_NYQUIST_RIGHT: Final = 1.4
+_NYQUIST_HALF: Final = 1.5
+_NYQUIST_SHAPE: Final = 0.25
 STEP_DEG: Final = 0.01
 _SWING_S: Final = 4.0
 _SHORT_S: Final = 0.5
@@ -116,15 +120,15 @@ def nyquist(study: Study, folder: Path) -> Path:
                 left = min(left, -1.2 / figures.gain_down)
                 axis.plot([-1.0 / figures.gain_down], [0.0], "s", color=RED, markersize=5)
             axis.set_title(words, fontweight="normal", fontsize=8.5)
-            # Conditional stability crosses the axis left of -1: the window reaches as far. The curve comes from
-            # infinity.
-            half = 1.5
-            within = (response.real >= left) & (response.real <= 1.4)
+            # Conditional stability crosses the axis left of -1: the window reaches as far, and its height with it.
+            # The curve comes from infinity.
+            half = max(_NYQUIST_HALF, (_NYQUIST_RIGHT - left) * _NYQUIST_SHAPE)
+            within = (response.real >= left) & (response.real <= _NYQUIST_RIGHT)
             inside = within & (np.abs(response.imag) <= half)
             shown = np.where(inside, response, complex(math.nan, math.nan))
             axis.plot(shown.real, shown.imag, color=colour)
             axis.plot(shown.real, -shown.imag, color=colour, linewidth=0.7, alpha=0.5)
-            axis.set(xlim=(left, 1.4), ylim=(-half, half), aspect="equal")
+            axis.set(xlim=(left, _NYQUIST_RIGHT), ylim=(-half, half), aspect="equal")
             axis.set_xlabel("real part of L")
         axes[0].set_ylabel("imaginary part of L")
     return path
@@ -249,7 +253,7 @@ def damping_over_stiffness(machine: Machine, folder: Path) -> Path:
         for axis, (name, model) in zip(axes, models.items(), strict=True):
             draw_damping(axis, machine, model)
             axis.set_title(name)
-            axis.set_xlabel("stiffness at the gantry in N m/rad")
+            axis.set_xlabel("stiffness at the load in N m/rad")
         axes[0].set_ylabel("damping of the load mode in %\n(below 0 the swing grows)")
         axes[1].legend(loc="best")
     return path
@@ -257,6 +261,8 @@ def damping_over_stiffness(machine: Machine, folder: Path) -> Path:
 
 def draw_damping(axis: Axes, machine: Machine, model: Callable[[float], Callable[[float], float]]) -> None:
     """Curves of damping over stiffness by structural damping, filled where the swing grows; the uncertain stiffness."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
     low, high = stiffness_range(machine, SEARCHED_PARTS)
     stiffness = np.geomspace(low, high, _DAMPING_POINTS)
     for zeta, colour in _DAMPING_COLOURS.items():
@@ -269,6 +275,10 @@ def draw_damping(axis: Axes, machine: Machine, model: Callable[[float], Callable
     uncertain = stiffness_range(machine, STIFFNESS_PARTS)
     axis.axvspan(*uncertain, color=GREY, alpha=0.13, linewidth=0.0, label="uncertain stiffness")
     axis.set_xlim(low, high)
+    # Two labels a decade, whatever the decade: with more they lie over one another in half a page's width.
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    axis.xaxis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(10.0, 10.0)))
+    axis.xaxis.set_minor_formatter(NullFormatter())
 
 
 def measured_response(results: Sequence[MeasuredResponse], folder: Path) -> Path:

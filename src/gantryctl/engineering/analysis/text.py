@@ -258,7 +258,7 @@ def measured_sentence(result: MeasuredResponse) -> str:
     how = (
         f"{condition.name} ({condition.torque_nm:.3g} N m"
         + (f", {condition.vel_deg_s:g} deg/s" if condition.vel_deg_s else "")
-        + f", at {condition.angle_deg:g} deg)"
+        + f", at {result.machine.axis.dial.text(condition.angle_deg)} deg)"
     )
     model = {
         Friction.HOLDING: "the model whose friction holds like springs",

@@ -279,7 +279,9 @@ class _Reader:
         low, high = reach_deg(machine)
         for key, angle in (("from_deg", self.settings.move.from_deg), ("to_deg", self.settings.move.to_deg)):
             if "move" in order.tests and not low <= angle <= high:
-                self._say(f"[move] {key} = {angle:g}: the travel goes from {low:g} to {high:g} deg")
+                self._say(
+                    f"[move] {key} = {angle:g}: the travel goes from {machine.axis.dial.span(low, high)} deg"
+                )
 
     def _limits(self, value: Any, made: Campaign) -> dict[str, tuple[float, ...]]:
         found = {}

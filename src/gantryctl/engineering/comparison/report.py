@@ -24,6 +24,7 @@ from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.machine import Machine, Requirement, required_angle
 from gantryctl.machine.places import fitted_stretch_deg
+from gantryctl.units import SIGNED, Dial
 from gantryctl.wiring.compensation import check_calibration
 
 
@@ -39,6 +40,7 @@ class CompareReport:
         identified: what the compensations know, beside the truth of the plant; empty if they know nothing.
         profiles: trapezoid and S-curve at the base motion of the first machine.
         ensemble: None unless asked for.
+        dial: how people read the ends of the moves.
     """
 
     first: str
@@ -50,6 +52,7 @@ class CompareReport:
     identified: tuple[Comparison, ...]
     profiles: tuple[ProfileRow, ...]
     ensemble: PlantEnsemble | None
+    dial: Dial = SIGNED
 
     @property
     def verdict(self) -> AccuracyVerdict:
@@ -119,4 +122,5 @@ def compare_report(
             if plants
             else None
         ),
+        dial=improved.axis.dial,
     )

@@ -26,18 +26,14 @@ def notes(report: CompareReport) -> list[str]:
     return [
         "A, deg: largest X + 3 S minus smallest X - 3 S of the chord test. Seen: median of 500 draws of the tracker's "
         "noise.",
-        f"The short move goes {_way(report.short_deg)}, the long one {_way(report.long_deg)}; speed errors, base and "
-        "settling are those of the short one.",
+        f"The short move goes from {report.dial.span(*report.short_deg)} deg, the long one from "
+        f"{report.dial.span(*report.long_deg)} deg; speed errors, base and settling are those of the short one.",
         "With wind-up and maps compensated the motor leaves the set-point on purpose: judge the load side.",
         "Base: motion at the ring radius without gravity's part; after: 0.2 to 2.2 s after the profile. Settled: time "
         "after the profile until the load stays within 0.001 deg.",
         f"What is identified comes from runs of {report.second} with everything off, never from [plant]; the tracker "
         "of those runs has noise but no errors of its own.",
     ]
-
-
-def _way(ends_deg: tuple[float, float]) -> str:
-    return f"from {ends_deg[0]:g} to {ends_deg[1]:g} deg"
 
 
 def _rows(report: CompareReport) -> TextTable:

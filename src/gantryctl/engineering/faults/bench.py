@@ -110,9 +110,10 @@ class FaultBench:
         start = angle_deg - self._way_to_cruise() if phase.moves else angle_deg
         low, high = reach_deg(machine)
         if not low <= start <= high:
+            dial = machine.axis.dial
             raise UsageError(
-                f"to be at {angle_deg:g} deg with {speed_deg_s:g} deg/s the axis would start at {start:.1f} deg, the "
-                f"travel is {low:g}..{high:g} deg"
+                f"to be at {dial.text(angle_deg)} deg with {speed_deg_s:g} deg/s the axis would start at "
+                f"{dial.text(start, '.1f')} deg, the travel is {dial.span(low, high)} deg"
             )
         if machine.drive.kind != "sim" and not (machine.on_bus and machine.can.simulated):
             raise UsageError(

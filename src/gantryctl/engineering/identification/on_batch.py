@@ -101,6 +101,7 @@ class SimulatedAxis:
             pos_min_rad=rad(reach_deg(machine)[0]),
             pos_max_rad=rad(reach_deg(machine)[1]),
             motion=motion_limits(self._quiet),
+            dial=machine.axis.dial,
         )
         drive = sim_drive(machine, deg(self._pos_rad))
         probe = CompiledProbe(drive, position_law(machine), limits, self._pos_rad, self._run)

@@ -86,7 +86,7 @@ def _picture(machine: Machine, speed_deg_s: float) -> Picture:
         torques.append(line(name, time_s, log["torque_mesh_nm"][shown] / machine.axis.ring_ratio / 1e3))
     rating = machine.reducer.torque_momentary_nm / 1e3
     return Picture(
-        f"Stops from {speed_deg_s:g} deg/s at {machine.axis.read_deg(at_deg):g} deg, simulated; time from the command "
+        f"Stops from {speed_deg_s:g} deg/s at {machine.axis.dial.text(at_deg)} deg, simulated; time from the command "
         "on. Dashed red: momentary rating of the reducer.",
         (
             Panel("time, s", "motor side, deg/s", tuple(speeds)),

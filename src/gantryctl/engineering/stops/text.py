@@ -80,7 +80,7 @@ def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
     """Origin and meaning of the columns, the permitted values, and what commissioning has measured."""
     required = required_stopping_angle(machine)
     return _NOTE.format(
-        at=" and ".join(f"{machine.axis.read_deg(at):g}" for at in heaviest_deg(machine)),
+        at=" and ".join(map(machine.axis.dial.text, heaviest_deg(machine))),
         origin=Origin.SIMULATED,
         measured=_measured(measured),
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,

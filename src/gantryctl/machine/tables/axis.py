@@ -148,7 +148,10 @@ class AxisTable(Table):
         """How people read angles of the axis."""
         if self.modulo:
             return Dial(self.pos_min_deg)
-        return Dial(0.0) if self.display == "0..360" else SIGNED
+        if self.display == "-180..180":
+            return SIGNED
+        stops = self.mechanical_stop_min_deg, self.mechanical_stop_max_deg
+        return Dial(0.0, stops if stops[1] - stops[0] >= 360.0 else None)
 
     def read_deg(self, angle_deg: float) -> float:
         """An angle as people read it."""
@@ -173,7 +176,8 @@ class AxisTable(Table):
         """Where angles end, for messages."""
         if self.modulo:
             return "an angle of a turn lies within -360 and 360 deg"
-        return f"the mechanical stops are at {self.mechanical_stop_min_deg:g} and {self.mechanical_stop_max_deg:g} deg"
+        low, high = self.mechanical_stop_min_deg, self.mechanical_stop_max_deg
+        return f"the mechanical stops are at {self.dial.text(low)} and {self.dial.text(high)} deg"
 
 
 class SpeedTable(Table):

@@ -33,10 +33,10 @@ SERVICE: Final = (
         Text("Previous run not shut down",
              "the previous run of the controller was not shut down; {when} it was at {where}",
              "The controller or the whole service was killed, or the computer lost its supply.",
-             "Look at the journal for the cause, and at the gantry before it moves."),
+             "Look at the journal for the cause, and at the axis before it moves."),
         Text("上次运行未正常关闭",
              "控制器上次运行未正常关闭；{when}位于 {where}",
-             "控制器或整个服务被终止，或计算机断电。", "在日志中查找原因；运动前查看机架。"),
+             "控制器或整个服务被终止，或计算机断电。", "在日志中查找原因；运动前查看轴。"),
     ),
     Definition(
         Code.SYS_06, _WARN, _W,

@@ -112,7 +112,7 @@ def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> 
     return check_range(target_rad, travel) or refusal(
         Code.CTL_09,
         measured=deg(travel.read_rad(target_rad)),
-        limit=deg(travel.read_rad(limit_rad)),
+        limit=deg(travel.read_end_rad(limit_rad)),
         position=round(deg(travel.read_rad(here_rad)), 2) + 0.0,  # never "-0.00"
         left=max(0.0, deg(left_rad)),
     )

@@ -287,7 +287,7 @@ class MotionCommands:
         command.status = CommandStatus.DONE
         self.current = None
         if command.endless:
-            end_rad = self._settings.travel.read_rad(self._virtual.pos_ref_rad)
+            end_rad = self._settings.travel.read_end_rad(self._virtual.pos_ref_rad)
             command.refusal = self._alarms.note(Code.LIM_01, measured=deg(end_rad))
             self._drop_buffered()
 

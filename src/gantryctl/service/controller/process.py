@@ -261,8 +261,8 @@ class Controller:
         feedback, drive = self.axis.feedback, self.engine.image.drive
         where = ""
         if clean:
-            at = f"{math.degrees(feedback.read_rad(self.axis.pos_act_rad)):.3f} deg"
-            where = f" at {at}" if feedback.position_valid else ", the angle is not known"
+            at = self.machine.axis.dial.text(math.degrees(self.axis.pos_act_rad), ".3f")
+            where = f" at {at} deg" if feedback.position_valid else ", the angle is not known"
         seen = drive.age_scans == 0 and drive.state is not DriveState.UNKNOWN
         if not seen or drive.state in ENERGISED or drive.brake_open:
             return f"controller ended{where}, torque off and brake commanded, not confirmed: press the emergency stop"

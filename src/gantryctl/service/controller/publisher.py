@@ -273,7 +273,7 @@ class Publisher:
             "axis_kind": axis.kind,
             "display": axis.display,
             "no_go_deg": axis.no_go_deg,
-            "drawing": "gantry" if is_reference_machine(machine) else "axis",
+            "drawing": "couch" if is_reference_machine(machine) else "axis",
             "drive_kind": machine.drive.kind,
             "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,

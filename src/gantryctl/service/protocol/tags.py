@@ -224,7 +224,7 @@ _MACHINE: Final = (
     _out("display", "", "text", "on change",
          "How people read and type angles: -180..180 or 0..360; tags and commands are signed angles of the axis."),
     _out("no_go_deg", "deg", "pairs", "on change", "No-go sectors, from and to; of a modulo axis in every turn."),
-    _out("drawing", "", "text", "on change", "What the page draws: gantry for the machine of the paper, else axis."),
+    _out("drawing", "", "text", "on change", "What the page draws: couch, an axis that turns around one, or axis."),
     _out("drive_kind", "", "text", "on change", "sim, ideal or canopen."),
     _out("config_hash", "", "text", "on change", "Short hash of the machine file in force."),
     _out("version", "", "text", "on change", "Version of gantryctl."),

@@ -101,7 +101,7 @@ class RingEncoder:
         if span < encoder.counts_per_turn:
             raise DeviceError(
                 f"node {self.node.remote.node}: the encoder has {span} steps (6501, 6502), [can.load_encoder] "
-                f"counts_per_turn says {encoder.counts_per_turn} for a gantry turn"
+                f"counts_per_turn says {encoder.counts_per_turn} for a turn of the axis"
             )
         self._begin(min(span, SPAN_32))
 

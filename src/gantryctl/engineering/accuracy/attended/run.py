@@ -64,12 +64,13 @@ class AttendedTest:
         """
         if self.session.readings and not self.session.complete:
             self._return()
+        dial = self._run.machine.axis.dial
         for index in range(self.session.next_stop, len(self._stops)):
             if self.session.complete or not self._visit(index):
                 break
             if index not in self._measured:
                 continue
-            read = self._read(index, partial(self.session.with_reading, index))
+            read = self._read(index, partial(self.session.with_reading, index, dial=dial))
             if read is None:
                 break
             self._keep(read)
@@ -82,7 +83,7 @@ class AttendedTest:
         for index in range(max(0, last.stop - 1), last.stop + 1):
             if not self._visit(index):
                 return
-        self._say(f"reads {self._as_read(last.target_deg):g} deg again: has the instrument moved?")
+        self._say(f"reads {self._as_read(last.target_deg)} deg again: has the instrument moved?")
         read = self._read(last.stop, lambda seen, motor: self._checked(seen))
         if read is not None:
             self._keep(read)
@@ -99,7 +100,7 @@ class AttendedTest:
         allowed = _REPEAT_DEG + 3.0 * math.hypot(seen.uncertainty_deg, last.uncertainty_deg)
         if not abs(difference) <= allowed:
             raise InstrumentError(
-                f"the instrument has moved: {self._as_read(last.target_deg):g} deg read {last.angle_deg:.5f} deg on "
+                f"the instrument has moved: {self._as_read(last.target_deg)} deg read {last.angle_deg:.5f} deg on "
                 f"{last.at} and reads {seen.angle_deg:.5f} deg now, {allowed:.5f} deg are allowed between them; set it "
                 "as it was, or --again begins the test anew"
             )
@@ -109,19 +110,19 @@ class AttendedTest:
     def _visit(self, index: int) -> bool:
         """Move to a stop and let it settle; False where the operator has stopped the axis."""
         target = self._stops[index].target_deg
-        self._say(f"stop {index + 1} of {len(self._stops)}: {self._as_read(target):.1f} deg")
+        self._say(f"stop {index + 1} of {len(self._stops)}: {self._as_read(target, '.1f')} deg")
         report = self._run.move(target)
         if report.ending is Ending.STOPPED:
             return False
         if report.ending is Ending.NOT_IN_POSITION:
             raise DeviceError(
-                f"the axis stands at {self._as_read(report.end_deg):.4f} deg and not in position at "
-                f"{self._as_read(target):g} deg"
+                f"the axis stands at {self._as_read(report.end_deg, '.4f')} deg and not in position at "
+                f"{self._as_read(target)} deg"
             )
         return True
 
-    def _as_read(self, angle_deg: float) -> float:
-        return self._run.machine.axis.read_deg(angle_deg)
+    def _as_read(self, angle_deg: float, spec: str = "g") -> str:
+        return self._run.machine.axis.dial.text(angle_deg, spec)
 
     def _settled_deg(self, index: int) -> float:
         """Dwell; mean motor angle over its end."""

@@ -18,6 +18,7 @@ from gantryctl.errors import InstrumentError, StateError, UsageError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation.store import StateStore, now_text
+from gantryctl.units import SIGNED, Dial
 
 # An instrument that counts the other way, or in another unit, is further off after the shortest chord of 5 deg; a
 # gantry never is.
@@ -108,8 +109,10 @@ class ChordSession:
         """How far it has got, for `status`."""
         return f"chord test: {len(self.readings)} of {len(measured_stops(self.procedure))} readings"
 
-    def with_reading(self, stop: int, reading: Reading, motor_deg: float) -> ChordSession:
-        """The test with one reading more.
+    def with_reading(
+        self, stop: int, reading: Reading, motor_deg: float, dial: Dial = SIGNED
+    ) -> ChordSession:
+        """The test with one reading more; the refusal names angles as `dial` reads them.
 
         Raises:
             InstrumentError: it has not gone with the axis since the first one.
@@ -120,9 +123,9 @@ class ChordSession:
             way, seen = target_deg - first.target_deg, reading.angle_deg - first.angle_deg
             if not abs(seen - way) <= PLAUSIBLE_DEG:
                 raise InstrumentError(
-                    f"reading {reading.angle_deg:.4f} deg at {target_deg:+g} deg: the axis has gone {way:+.3f} deg "
-                    f"since the first reading and the instrument {seen:+.3f} deg; check its sign (counter-clockwise is "
-                    "positive), its unit and the reading; --again begins the test anew"
+                    f"reading {reading.angle_deg:.4f} deg at {dial.text(target_deg)} deg: the axis has gone "
+                    f"{way:+.3f} deg since the first reading and the instrument {seen:+.3f} deg; check its sign "
+                    "(counter-clockwise is positive), its unit and the reading; --again begins the test anew"
                 )
         made = StopReading(
             stop, target_deg, reading.angle_deg, reading.uncertainty_deg, motor_deg, now_text()

@@ -105,18 +105,15 @@ def check_travel(machine: Machine, procedure: Procedure) -> None:
     first, last = least + min(bases) - low, most - (high - max(bases))
     room = min(most - max(bases), min(bases) - least)
     fits = [
-        f"bases from {first:g} to {last:g} deg" if first <= last else "",
+        f"bases from {machine.axis.dial.span(first, last)} deg" if first <= last else "",
         f"displacements up to {room:g} deg from these bases" if room > 0.0 else "",
     ]
+    dial = machine.axis.dial
     raise UsageError(
-        f"procedure {procedure.name} from {_angles(bases)} deg goes from {low:g} to {high:g} deg, the axis reaches "
-        f"{least:g} to {most:g} deg; what fits: "
+        f"procedure {procedure.name} from {', '.join(map(dial.text, bases))} deg goes from {dial.span(low, high)} deg, "
+        f"the axis reaches {dial.span(least, most)} deg; what fits: "
         f"{', or '.join(filter(None, fits)) or 'smaller displacements'}; without any, the plan follows the travel"
     )
-
-
-def _angles(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
 
 
 def chord_test(

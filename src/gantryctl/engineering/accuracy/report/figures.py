@@ -44,7 +44,7 @@ def chord_errors(table: ErrorTable, beside: Beside | None, dial: Dial) -> Figure
         if beside is not None:
             for direction in table.directions:
                 _other_errors(ax, beside, base, direction)
-        ax.set_title(f"base {dial.read_deg(base):g}°".replace("-", "−"))
+        ax.set_title(f"base {dial.text(base)}°".replace("-", "−"))
         ax.set_xlabel("displacement, °")
         ax.set_xticks(table.displacements_deg)
         ax.axhline(0.0, color=INK, lw=0.7)

@@ -104,7 +104,7 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
         ],
         "bases": [
             (
-                signed(f"{report.dial.read_deg(base):g}°"),
+                signed(f"{report.dial.text(base)}°"),
                 rms,
                 *report.statistics.range_deg[base],
                 paper_rms.get(base),
@@ -165,8 +165,8 @@ def render_speed_test(runs: Sequence[SpeedRun], head: Head) -> str:
         {
             "asked\ndeg/s": f"{run.speed_deg_s:g}",
             "way": run.direction.value,
-            "from\ndeg": signed(f"{run.read_deg[0]:.1f}"),
-            "to\ndeg": signed(f"{run.read_deg[1]:.1f}"),
+            "from\ndeg": signed(run.ends_read[0]),
+            "to\ndeg": signed(run.ends_read[1]),
             "reached\ndeg/s": f"{run.reached_deg_s:.3f}",
             "error, motor side\ndeg/s": f"{run.motor_error_deg_s:.4f}",
             "error, load side\ndeg/s": or_dash(run.load_error_deg_s, ".4f"),
@@ -189,7 +189,7 @@ def render_speed_test(runs: Sequence[SpeedRun], head: Head) -> str:
 
 
 def _way(run: SpeedRun) -> str:
-    way = signed(f"{run.read_deg[0]:.1f}° to {run.read_deg[1]:.1f}°")
+    way = signed("{}° to {}°".format(*run.ends_read))
     return f"{run.speed_deg_s:g}°/s {run.direction.value}, {way}"
 
 
@@ -248,7 +248,7 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
         rows.append(("Required", f"{report.required.limit:g}°, by {report.required.origin}"))
     procedure = report.procedure
     if procedure is not None:
-        bases = signed(", ".join(f"{report.dial.read_deg(base):g}°" for base in procedure.bases_deg))
+        bases = signed(", ".join(f"{report.dial.text(base)}°" for base in procedure.bases_deg))
         steps = ", ".join(f"{d:g}°" for d in procedure.displacements_deg)
         rows += [
             ("Chord procedure", f"{procedure.name}; chords from the {_CHORD_NAMES[procedure.chord.value]}"),
@@ -281,7 +281,7 @@ def _table_view(table: ErrorTable, beside: Beside | None, dial: Dial) -> dict[st
     shown = table.mean_of_runs()
     rows = [
         {
-            "name": signed(f"{dial.read_deg(row.base_deg):g} {row.direction.value}"),
+            "name": signed(f"{dial.text(row.base_deg)} {row.direction.value}"),
             "errors": errors[1:],
             "others": others.get(row[:2], [])[1:],
             "first_of_base": index == 0 or shown.rows[index - 1].base_deg != row.base_deg,

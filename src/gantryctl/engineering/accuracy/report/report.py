@@ -100,10 +100,10 @@ class SpeedRun:
     dial: Dial = SIGNED
 
     @property
-    def read_deg(self) -> tuple[float, float]:
-        """From, to, as people read them."""
+    def ends_read(self) -> tuple[str, str]:
+        """From, to, deg, as people read them."""
         start, end = self.travel_deg
-        return self.dial.read_deg(start), self.dial.read_deg(end)
+        return self.dial.text(start, ".1f"), self.dial.text(end, ".1f")
 
     @property
     def reached(self) -> bool:
@@ -230,12 +230,12 @@ class AccuracyReport:
     @cached_property
     def iso(self) -> IsoFigures:
         """ISO 230-2 figures of `table`."""
-        return iso230_2(self.table)
+        return iso230_2(self.table, dial=self.dial)
 
     @cached_property
     def iso_measured(self) -> IsoFigures:
         """ISO 230-2 figures of the measured table: the instrument's noise is part of its repeatability."""
-        return iso230_2(self.measured)
+        return iso230_2(self.measured, dial=self.dial)
 
     @property
     def a_as_measured_deg(self) -> float:

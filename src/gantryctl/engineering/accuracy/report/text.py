@@ -69,7 +69,7 @@ def text_table(
     lines = [f"{'error, deg':<12}{title:<{len(head)}}" + (f"   {name}" if reference else "")]
     lines.append(f"{'base, way':<12}{head}" + (f"   {head}" if reference else ""))
     for row, errors in zip(shown.rows, shown.errors_deg.tolist(), strict=True):
-        way = f"{dial.read_deg(row.base_deg):g} {row.direction.value}"
+        way = f"{dial.text(row.base_deg)} {row.direction.value}"
         lines.append(f"{way:<12}{_angles(errors)}{_beside(others.get(row[:2]))}")
     if len(table.rows) > 1:
         lines += [
@@ -126,9 +126,7 @@ def _headline(report: AccuracyReport) -> str:
         lines.append(f"A of the instrument's uncertainty alone: {distribution_text(known.floor)}")
     if figures.a_by_direction_deg is not None:
         lines.append(f"with the directions kept apart, 3s: {figures.a_by_direction_deg:.4f} deg")
-    rms = ", ".join(
-        f"{report.dial.read_deg(base):g} deg {value:.4f}" for base, value in figures.rms_deg.items()
-    )
+    rms = ", ".join(f"{report.dial.text(base)} deg {value:.4f}" for base, value in figures.rms_deg.items())
     lines.append(f"rms by base: {rms}")
     if report.ensemble is not None:
         gears = report.ensemble

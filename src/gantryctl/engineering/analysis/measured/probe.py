@@ -21,7 +21,7 @@ from gantryctl.errors import AlarmStop, UsageError
 from gantryctl.image import DriveRequest, DriveState, OutputImage
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_stop, plan_velocity
 from gantryctl.ports import Drive
-from gantryctl.units import deg
+from gantryctl.units import SIGNED, Dial, deg
 
 _ENABLE_S: Final = 5.0
 CALM_S: Final = 3.0
@@ -72,22 +72,22 @@ class ProbeLimits:
     Attributes:
         torque_nm: largest motor torque, absolute. pos_min_rad, pos_max_rad: gantry angle.
         motion: for getting to the speed at which it is measured, and for stopping.
+        dial: how people read the angle.
     """
 
     torque_nm: float
     pos_min_rad: float
     pos_max_rad: float
     motion: MotionLimits
+    dial: Dial = SIGNED
 
     def violation(self, torque_nm: float, angle_rad: float) -> str:
         """What is beyond its limit, with both values; "" for nothing."""
         if not abs(torque_nm) <= self.torque_nm:
             return f"the torque is {torque_nm:.1f} N m, permitted +-{self.torque_nm:.1f} N m"
         if not self.pos_min_rad <= angle_rad <= self.pos_max_rad:
-            return (
-                f"the angle is {deg(angle_rad):.2f} deg, permitted {deg(self.pos_min_rad):.2f}.."
-                f"{deg(self.pos_max_rad):.2f} deg"
-            )
+            permitted = self.dial.span(deg(self.pos_min_rad), deg(self.pos_max_rad), ".2f")
+            return f"the angle is {self.dial.text(deg(angle_rad), '.2f')} deg, permitted {permitted} deg"
         return ""
 
 

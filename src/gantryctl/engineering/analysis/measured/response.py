@@ -159,6 +159,7 @@ def simulated_probe(machine: Machine, angle_deg: float) -> Probe:
         pos_min_rad=rad(reach_deg(machine)[0]),
         pos_max_rad=rad(reach_deg(machine)[1]),
         motion=motion_limits(machine),
+        dial=machine.axis.dial,
     )
     scan_s = machine.control.scan_period_ms * 1e-3
     # Torque and travel stop a measurement on a real axis, so they do here.
@@ -226,7 +227,8 @@ def starts_at_deg(machine: Machine, condition: Condition) -> float:
     low, high = reach_deg(machine)
     if low < start <= start + way < high:
         return start
+    dial = machine.axis.dial
     raise UsageError(
-        f"measuring at {condition.angle_deg:g} deg while turning takes {way:.0f} deg: {start:.0f}.."
-        f"{start + way:.0f} deg must lie within {low:g}..{high:g} deg"
+        f"measuring at {dial.text(condition.angle_deg)} deg while turning takes {way:.0f} deg: "
+        f"{dial.span(start, start + way, '.0f')} deg must lie within {dial.span(low, high)} deg"
     )

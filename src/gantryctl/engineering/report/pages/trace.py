@@ -42,7 +42,7 @@ def render_trace(shown: ShownTrace, beside: ShownTrace | None, title: str, made:
         verdict,
         [],
         title=title,
-        subtitle="What was recorded; angles at the gantry",
+        subtitle="What was recorded; angles of the axis",
         sections=[
             Section("Diagrams", figures=[recorded(_picture(shown, beside), "recording")]),
             Section("Columns", tables=[_columns(shown.trace)]),
