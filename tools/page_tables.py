@@ -22,14 +22,7 @@ HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
 NUMBERS = {"float": "number", "int": "number", "bool": "boolean", "text": "string", "rows": "AlarmRow[]"}
 NUMBERS["pairs"] = "[number, number][]"
 NUMBERS["messages"] = "Message[]"
-ROW_TYPES = {"id": "number", "time_s": "number", "pos_act_deg": "number | null"}
-ROW_TYPES |= {
-    "active": "boolean",
-    "first_out": "boolean",
-    "lock": "boolean",
-    "values": "Values",
-    "steps": "Message[]",
-}
+NUMBERS["values"] = "Values"
 # What the page refuses itself, before it sends a target: the codes of the service, in its words.
 _REFUSED = (Code.CTL_01, Code.CTL_09, Code.CTL_18)
 _REFUSED_WORDS = (Words.NAME_TARGET, Words.WITHIN_TRAVEL, Words.ANGLE, Words.NO_WAY_ROUND, Words.WAY_ROUND)
@@ -54,8 +47,9 @@ def _type(tag: Tag) -> str:
 
 def _tags() -> Iterator[str]:
     yield "export interface AlarmRow {"
-    for key, meaning in ALARM_ROW.items():
-        yield f"  /** {meaning} */\n  {key}: {ROW_TYPES.get(key, 'string')};"
+    for key, row in ALARM_ROW.items():
+        null = " | null" if row.null else ""
+        yield f"  /** {row.meaning} */\n  {key}: {NUMBERS[row.kind]}{null};"
     yield "}\n\nexport interface Tags {"
     for tag in TAGS:
         unit = f" [{tag.unit}]" if tag.unit else ""

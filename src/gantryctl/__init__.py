@@ -1,11 +1,14 @@
 """Soft motion controller for big, slow, unbalanced rotary axes.
 
-A dozen names for scripts and notebooks; everything else is in the packages they come from.
+Twenty names for scripts and notebooks; everything else is in the packages they come from.
 
     machine = load_machine("my_machine.toml")     # or default_machine()
     move(machine, 90.0)                           # power up, move, power down, summary
-    engine = build_engine(machine, program=MyProgram)
+    engine = build_engine(machine, program=MyProgram, recorder=MemoryRecorder)
     engine.run_for(10.0)
+    engine.trace().plot()                         # a picture in a notebook
+
+`gantryctl.client` drives a running service from Python.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     from gantryctl.program import AxisState as AxisState
     from gantryctl.program import GantryProgram as GantryProgram
     from gantryctl.runtime import Engine as Engine
+    from gantryctl.runtime.recorder import MemoryRecorder as MemoryRecorder
     from gantryctl.trace.reader import read_trace as read_trace
     from gantryctl.trace.table import Trace as Trace
     from gantryctl.wiring.engine import build_engine as build_engine
@@ -43,6 +47,7 @@ _HOME = {
     "GantryctlError": "gantryctl.errors",
     "InputImage": "gantryctl.image",
     "Machine": "gantryctl.machine",
+    "MemoryRecorder": "gantryctl.runtime.recorder",
     "Mode": "gantryctl.image",
     "OperatorCommand": "gantryctl.image",
     "Trace": "gantryctl.trace.table",
@@ -70,4 +75,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})
+    return sorted(_HOME)

@@ -13,6 +13,8 @@ EXTRA_OF: Final = {
     "dask": "cluster",
     "distributed": "cluster",
     "asyncua": "opcua",
+    "pandas": "notebook",
+    "polars": "notebook",
 }
 """Extra by package, as in pyproject.toml; packages of `bench` are left out by the comparison itself."""
 

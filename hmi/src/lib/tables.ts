@@ -260,7 +260,7 @@ export interface Tags {
   brake_tested_at: string | null;
   /** The next test is due then (UTC) at the latest; empty where it cannot be tested or never was. */
   brake_test_due_at: string | null;
-  /** It is due after so many power-ups at the latest. */
+  /** It is due after so many power-ups at the latest; null where it cannot be tested. */
   brake_test_cycles_left: number | null;
   /** It is overdue: slow motion only. */
   brake_test_overdue: boolean | null;

@@ -6,6 +6,7 @@ import re
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
+from gantryctl.service.protocol.answers import SCHEMAS, Schema, exactly, list_of, refer
 from gantryctl.service.protocol.roles import Action
 
 
@@ -16,7 +17,8 @@ class RouteEntry(NamedTuple):
         action: what the role must allow; None for all.
         answers: status and meaning.
         query: names of whole-number parameters.
-        media, kind: content type of the answer, and which JSON type it is; empty for none.
+        media: content type of the answer; empty for none.
+        schema: of the answer; None for what is no JSON.
     """
 
     method: str
@@ -27,47 +29,68 @@ class RouteEntry(NamedTuple):
     answers: dict[int, str]
     query: tuple[str, ...] = ()
     media: str = "application/json"
-    kind: str = "object"
+    schema: Schema | None = None
 
 
 API: Final = "/api/v1"
 # Highest number in a query; of more than twelve digits nothing is read.
 NUMBER_MAX: Final = 10**12 - 1
 # One table: the routes of the application and their OpenAPI description are both made of it.
+# JSON Lines: no JSON as a whole; what one line is stands beside it.
+_LINES: Final = {"type": "string", "contentMediaType": "application/jsonl", "contentSchema": refer("Event")}
 _LOG_IN: Final = {401: "not logged in", 403: "the role may not do it", 429: "too many requests"}
 ROUTES: Final = (
     RouteEntry(
         "POST", "/login", "login", None, "Log in; the answer sets the session cookie.",
         {200: "logged in", 400: "not understood", 401: "wrong name or password", 403: "foreign page", 429: "locked",
-         503: "users.json is damaged"},
+         503: "users.json is damaged"}, schema=refer("Person"),
     ),
     RouteEntry(
         "POST", "/logout", "logout", Action.VIEW, "End the session.",
-        {204: "done", 400: "not understood", 401: "not logged in"}, media="", kind="",
+        {204: "done", 400: "not understood", 401: "not logged in"}, media="",
     ),
-    RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "no login"}),
+    RouteEntry(
+        "GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "no login"},
+        schema=refer("Person"),
+    ),
     RouteEntry(
         "GET", "/console/{token}", "console", None, "Open the page as the console: `gantryctl console`.",
         {303: "the page, with a cookie that proves it", 403: "used before, too old, or not from this machine"},
-        media="", kind="",
+        media="",
     ),
-    RouteEntry("GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN}, kind="array"),
-    RouteEntry("GET", "/status", "status", Action.VIEW, "All tags as they are now.", {200: "status", **_LOG_IN}),
-    RouteEntry("GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN}),
     RouteEntry(
-        "GET", "/traces", "traces", Action.TRACES, "Recordings, newest first.", {200: "list", **_LOG_IN}, kind="array"
+        "GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN},
+        schema=list_of("TagRow"),
+    ),
+    RouteEntry(
+        "GET", "/status", "status", Action.VIEW, "All tags as they are now.", {200: "status", **_LOG_IN},
+        schema=refer("Status"),
+    ),
+    RouteEntry(
+        "GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN},
+        schema=refer("Alarms"),
+    ),
+    RouteEntry(
+        "GET", "/traces", "traces", Action.TRACES, "Recordings, newest first.", {200: "list", **_LOG_IN},
+        schema=list_of("Recording"),
     ),
     RouteEntry(
         "GET", "/traces/{id}", "trace", Action.TRACES, "One recording as Parquet.",
-        {200: "the file", 404: "no such recording", **_LOG_IN}, media="application/vnd.apache.parquet", kind="",
+        {200: "the file", 404: "no such recording", **_LOG_IN}, media="application/vnd.apache.parquet",
     ),
     RouteEntry(
         "GET", "/journal", "journal", Action.JOURNAL, "Events after number `from` as JSON lines.",
         {200: "events", 400: "not understood", 503: "the journal cannot be read", **_LOG_IN}, ("from", "limit"),
-        media="application/jsonl", kind="",
+        media="application/jsonl", schema=_LINES,
     ),
-    RouteEntry("GET", "/health", "health", None, "Whether the controller is alive.", {200: "ok or silent"}),
-    RouteEntry("GET", "/openapi.json", "openapi", None, "This description.", {200: "OpenAPI 3.1"}),
+    RouteEntry(
+        "GET", "/health", "health", None, "Whether the controller is alive.", {200: "ok or silent"},
+        schema=refer("Health"),
+    ),
+    RouteEntry(
+        "GET", "/openapi.json", "openapi", None, "This description.", {200: "OpenAPI 3.1"},
+        schema=refer("Description"),
+    ),
 )  # fmt: skip
 
 
@@ -88,27 +111,14 @@ def openapi() -> dict[str, Any]:
             "securitySchemes": {
                 "session": {"type": "apiKey", "in": "cookie", "name": "__Host-gantryctl_session"}
             },
-            "schemas": {"Error": _ERROR},
+            "schemas": SCHEMAS,
         },
     }
 
 
-_ERROR: Final = {
-    "type": "object",
-    "required": ["error"],
-    "properties": {
-        "error": {
-            "type": "object",
-            "required": ["code", "text"],
-            "properties": {"code": {"type": "string"}, "text": {"type": "string"}},
-        }
-    },
-}
-
-
 def _operation(route: RouteEntry) -> dict[str, Any]:
-    failing = {"content": {"application/json": {"schema": {"$ref": "#/components/schemas/Error"}}}}
-    schema = {"schema": {"type": route.kind}} if route.kind else {}
+    failing = {"content": {"application/json": {"schema": refer("Error")}}}
+    schema = {"schema": route.schema} if route.schema else {}
     given = {"content": {route.media: schema}} if route.media else {}
     found: dict[str, Any] = {
         "operationId": route.name,
@@ -131,12 +141,7 @@ def _operation(route: RouteEntry) -> dict[str, Any]:
         found["parameters"] = parameters
     if route.method == "POST":
         names = ("user", "password") if route.name == "login" else ()
-        body = {
-            "type": "object",
-            "required": list(names),
-            "properties": {name: {"type": "string"} for name in names},
-            "additionalProperties": False,
-        }
+        body = exactly({name: {"type": "string"} for name in names})
         # Also where nothing is in it: a form of another page cannot send JSON.
         found["requestBody"] = {"required": True, "content": {"application/json": {"schema": body}}}
     return found

@@ -23,6 +23,9 @@ class MoveResult(NamedTuple):
     summary: MotionSummary
     trace: Trace
 
+    def _repr_html_(self) -> str:
+        return self.summary._repr_html_() + self.trace._repr_html_()
+
 
 def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None) -> MoveResult:
     """Take a new machine standing at 0 deg through one or more moves, in virtual time; nothing is kept.

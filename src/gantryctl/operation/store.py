@@ -28,6 +28,21 @@ SERVICE_SOCKET: Final = "control.sock"
 """Local socket of a running service, in the machine's directory."""
 
 
+class PeerName:
+    """The address of the socket, through a handle of its directory; a context manager."""
+
+    # A socket address takes 108 bytes; the path of a state directory may be longer.
+    def __init__(self, directory: Path) -> None:
+        self._handle = os.open(directory, os.O_PATH | os.O_DIRECTORY)
+        self.address = f"/proc/self/fd/{self._handle}/{SERVICE_SOCKET}"
+
+    def __enter__(self) -> str:
+        return self.address
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._handle)
+
+
 TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%SZ"
 """Date and time in records, UTC."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gantryctl.machine.tables.axis import AxisTable
+from gantryctl.notebook import facts_html
 from gantryctl.trace.table import Trace
 
 Floats = NDArray[np.float64]
@@ -45,6 +46,22 @@ class MotionSummary:
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
         return asdict(self)
+
+    def _repr_html_(self) -> str:
+        def pair(motor: float, load: float | None, unit: str) -> str:
+            side = "" if load is None else f", load side {load:.5f} {unit}"
+            return f"motor side {motor:.5f} {unit}{side}"
+
+        end = "in doubt" if self.end_deg is None else f"{self.end_deg:.4f} deg"
+        facts = {
+            "from, to": f"{self.start_deg:.4f} deg, {end}",
+            "time": f"{self.duration_s:.2f} s",
+            "peak speed": f"{self.peak_deg_s:.2f} deg/s",
+            "following error": pair(self.following_error_motor_deg, self.following_error_load_deg, "deg"),
+            "speed error": pair(self.speed_error_motor_deg_s, self.speed_error_load_deg_s, "deg/s"),
+            "largest torque": f"{self.torque_max_nm:.1f} N m",
+        }
+        return facts_html("Motion", facts)
 
 
 def summarise(

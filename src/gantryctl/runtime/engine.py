@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gantryctl._core import new_image
 from gantryctl.errors import AlarmStop, DeviceError, GantryctlError, UsageError
@@ -28,7 +28,10 @@ from gantryctl.runtime.interrupts import DeferredInterrupt
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
 from gantryctl.runtime.statistics import ScanStatistics
 from gantryctl.runtime.stopping import StopProgram, quick_stop_output
-from gantryctl.trace.columns import TIME_COLUMN
+from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees, unit_of
+
+if TYPE_CHECKING:
+    from gantryctl.trace.table import Trace
 
 NOTHING_READ: Final = InputImage(
     scan=-1,
@@ -39,6 +42,8 @@ NOTHING_READ: Final = InputImage(
     operator=OperatorCommand(),
 )
 """`Engine.image` before the first scan."""
+# Columns of which a notebook shows the present value.
+_SHOWN: Final = {"pos_act_rad": "angle", "vel_act_rad_s": "speed", "torque_act_nm": "torque"}
 
 
 def trace_columns(program: Program, truth: Truth | None = None) -> tuple[str, ...]:
@@ -123,6 +128,36 @@ class Engine:
             work()
         finally:
             self.clock.start()
+
+    def trace(self) -> Trace:
+        """Copy the recording so far.
+
+        Raises:
+            UsageError: nothing is recorded in memory.
+        """
+        # Here, because a controller of the service, which records elsewhere, has no use for it.
+        from gantryctl.runtime.recorder import MemoryRecorder
+
+        if not isinstance(self.recorder, MemoryRecorder):
+            raise UsageError(
+                "this engine keeps no recording in memory: build_engine(..., recorder=MemoryRecorder)"
+            )
+        return self.recorder.trace()
+
+    def _repr_html_(self) -> str:
+        from gantryctl.notebook import facts_html
+
+        facts: dict[str, object] = {
+            "time": f"{self.time_s:.3f} s, {self.scan} scans of {1e3 * self.period_s:g} ms",
+            "program": type(self.program).__name__,
+            "drive": f"{type(self.drive).__name__}, {self.image.drive.state.name.lower()}",
+        }
+        row = dict(zip(self.program.trace_columns, self.program.trace_row(), strict=True))
+        for name, words in _SHOWN.items():
+            if self.scan and name in row:
+                facts[words] = f"{row[name] * degree_factor(name):.4f} {unit_of(in_degrees(name)).symbol}"
+        stopped = self.failure or self.system_stop
+        return facts_html("Engine", facts | ({"stopped by": stopped} if stopped else {}))
 
     def close(self) -> None:
         """Leave the drive without torque, then finish the recording; may be called twice."""

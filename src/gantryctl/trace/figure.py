@@ -8,14 +8,13 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
 from gantryctl.trace.files import Floats
-from gantryctl.trace.table import Trace
 from gantryctl.trace.thinning import drawn
 from gantryctl.units import SIGNED, Dial, deg
 
@@ -47,6 +46,28 @@ _STYLE: Final[dict[Any, Any]] = {
     "svg.hashsalt": "gantryctl",
     "svg.fonttype": "path",
 }
+
+
+# `Trace`, which draws itself: it imports this file, and this file only says what it needs of one.
+class Drawable(Protocol):
+    """What a picture is drawn of."""
+
+    @property
+    def columns(self) -> tuple[str, ...]: ...
+
+    @property
+    def dial(self) -> Dial: ...
+
+    @property
+    def time_s(self) -> Floats: ...
+
+    def __getitem__(self, name: str) -> Floats: ...
+
+    def __contains__(self, name: object) -> bool: ...
+
+    def __len__(self) -> int: ...
+
+    def in_degrees(self) -> Drawable: ...
 
 
 class Line(NamedTuple):
@@ -85,7 +106,7 @@ def read_on(side: Axis, dial: Dial) -> None:
     side.set_major_formatter(FuncFormatter(lambda angle_deg, _: f"{dial.read_deg(angle_deg) + 0.0:.6g}"))
 
 
-def overview(trace: Trace) -> list[Panel]:
+def overview(trace: Drawable) -> list[Panel]:
     """Diagrams of angle, speed, their errors and torque: of these, what the trace has."""
     torque = [Line("motor", trace["torque_act_nm"], _BLUE)] if "torque_act_nm" in trace else []
     panels = [
@@ -98,7 +119,7 @@ def overview(trace: Trace) -> list[Panel]:
     return [panel for panel in panels if panel.lines]
 
 
-def _followed(trace: Trace, pattern: str) -> list[Line]:
+def _followed(trace: Drawable, pattern: str) -> list[Line]:
     """Curves of the set-point and of what followed it, at the gantry, in degrees."""
     return [
         Line(label, deg(1.0) * trace[column], colour, width)
@@ -107,7 +128,7 @@ def _followed(trace: Trace, pattern: str) -> list[Line]:
     ]
 
 
-def _angles(trace: Trace) -> list[Line]:
+def _angles(trace: Drawable) -> list[Line]:
     """Angles in degrees, each without the whole turns by which the zero of a modulo axis moves on."""
     lines = _followed(trace, "pos_{}_rad")
     if not lines or not len(trace):
@@ -129,7 +150,7 @@ def _less_turns(values_deg: Floats, by_deg: Floats | float) -> Floats:
     return values_deg - 360.0 * np.nan_to_num(np.round(np.asarray(by_deg) / 360.0))
 
 
-def _errors(trace: Trace, pattern: str, scale: float) -> list[Line]:
+def _errors(trace: Drawable, pattern: str, scale: float) -> list[Line]:
     """Set-point minus each side; `scale` 1e3 for thousandths of a degree."""
     if (set_point := pattern.format("ref")) not in trace:
         return []
@@ -143,7 +164,7 @@ def _errors(trace: Trace, pattern: str, scale: float) -> list[Line]:
     ]
 
 
-def chosen(trace: Trace, columns: Sequence[str]) -> list[Panel]:
+def chosen(trace: Drawable, columns: Sequence[str]) -> list[Panel]:
     """Diagrams of the columns asked for, one per unit."""
     units: dict[str, list[str]] = {}
     for name in columns:
@@ -162,7 +183,7 @@ def chosen(trace: Trace, columns: Sequence[str]) -> list[Panel]:
     return panels
 
 
-def draw(trace: Trace, panels: Sequence[Panel], title: str) -> Figure:
+def draw(trace: Drawable, panels: Sequence[Panel], title: str) -> Figure:
     """Draw the diagrams below each other over one time axis."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -201,6 +222,29 @@ def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(panel.lines), borderaxespad=0.1)
 
 
+class Picture:
+    """A drawn figure; a notebook shows it as it is.
+
+    Attributes:
+        figure: of matplotlib.
+    """
+
+    def __init__(self, figure: Figure) -> None:
+        self.figure = figure
+
+    def save(self, path: str | Path) -> None:
+        """Write PNG or SVG, as the name ends.
+
+        Raises:
+            UsageError: another ending.
+            DeviceError: the file cannot be written.
+        """
+        save(self.figure, Path(path))
+
+    def _repr_png_(self) -> bytes:
+        return _drawn(self.figure, ".png", dpi=100)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as PNG or SVG, as the name ends.
 
@@ -208,20 +252,25 @@ def save(figure: Figure, path: Path) -> None:
         UsageError: another ending.
         DeviceError: the file cannot be written.
     """
-    import matplotlib as mpl
-
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise UsageError(f"{path}: pictures are written as {', '.join(FORMATS)}")
+    content = _drawn(figure, suffix, dpi=150)
+    try:
+        path.write_bytes(content)
+    except OSError as fault:
+        raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+
+
+def _drawn(figure: Figure, suffix: str, dpi: int) -> bytes:
+    import matplotlib as mpl
+
     buffer = io.BytesIO()
     with mpl.rc_context(_STYLE):
         if suffix == ".png":
-            figure.savefig(buffer, format="png", dpi=150)
+            figure.savefig(buffer, format="png", dpi=dpi)
         else:
             figure.savefig(
                 buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
             )
-    try:
-        path.write_bytes(buffer.getvalue())
-    except OSError as fault:
-        raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+    return buffer.getvalue()

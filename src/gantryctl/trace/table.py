@@ -6,11 +6,13 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from gantryctl.errors import UsageError
+from gantryctl.extras import need
+from gantryctl.notebook import table_html
 from gantryctl.trace.columns import SPACING_COLUMN, TIME_COLUMN, degree_factor, in_degrees, unit_of
 from gantryctl.trace.files import (
     Floats,
@@ -22,6 +24,15 @@ from gantryctl.trace.files import (
     write_parquet,
 )
 from gantryctl.units import Dial
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
+
+    from gantryctl.trace.figure import Picture
+
+# Columns that a notebook shows of a trace; the rest is counted.
+_SHOWN: Final = 12
 
 
 class TraceHash:
@@ -193,6 +204,62 @@ class Trace:
             record_batch(schema, self.rows(start, start + step)) for start in range(0, len(self), step)
         )
         write_parquet(Path(path), schema, batches)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Copy the columns into a data frame of pandas, `time_s` as any other; the metadata is in its `attrs`.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        need("pandas")
+        import pandas as pd
+
+        frame = pd.DataFrame({name: values.copy() for name, values in self._data.items()})
+        frame.attrs.update(self.metadata)
+        return frame
+
+    def to_polars(self) -> pl.DataFrame:
+        """Copy the columns into a data frame of polars, which holds no metadata.
+
+        Raises:
+            UsageError: polars is not installed.
+        """
+        need("polars")
+        import polars as pl
+
+        return pl.DataFrame({name: values.copy() for name, values in self._data.items()})
+
+    def plot(self, *columns: str, title: str = "") -> Picture:
+        """Draw angle, speed, their errors and torque over time, or the columns that are named, in degrees.
+
+        A notebook shows what is returned, and its `save` writes PNG or SVG; no window is opened.
+
+        Raises:
+            UsageError: no such column, no row, nothing of what is drawn without names, or no matplotlib.
+        """
+        need("matplotlib")
+        from gantryctl.trace.figure import Picture, chosen, draw, overview
+
+        panels = chosen(self, columns) if columns else overview(self)
+        return Picture(draw(self, panels, title or str(self.metadata.get("machine", ""))))
+
+    def _repr_html_(self) -> str:
+        shown = self.in_degrees()
+        part = Trace({name: shown[name] for name in shown.columns[:_SHOWN]})
+        rows = [(each.name, each.unit, each.minimum, each.maximum, each.rms) for each in summarize(part)]
+        left = len(self.columns) - len(rows)
+        note = f"and {left} more columns: trace.columns" if left > 0 else ""
+        return table_html(f"Trace: {self._said()}", ("column", "unit", "min", "max", "rms"), rows, note)
+
+    def _said(self) -> str:
+        """Size, machine and state in one line."""
+        words = [f"{len(self)} rows", f"{len(self.columns)} columns", f"{self.duration_s:.3f} s"]
+        if "machine" in self.metadata:
+            words.insert(0, str(self.metadata["machine"]))
+        gaps = len(self.gaps())
+        return ", ".join(
+            [*words, *([f"{gaps} gaps"] if gaps else []), *([] if self.complete else ["cut off"])]
+        )
 
 
 class ColumnSummary(NamedTuple):

@@ -96,7 +96,8 @@ def build_engine(
         drive: an open drive; a new machine standing at 0 deg when not given.
         program: of `build_program`, or what makes one: a class derived from `AxisProgram`.
         operator: where commands come from; a `FixedOperator` (`engine.operator.command`) when not given.
-        recorder: makes a recorder for the columns of the trace; none when not given.
+        recorder: makes a recorder for the columns of the trace: `MemoryRecorder` itself, not an object of it, for
+            `engine.trace()`; or a function that takes the columns. Nothing is recorded when not given.
         real_time: pace the scans by the clock; a real drive on a bus always is.
         keep_plans: for a program made here, as in `build_program`.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import gantryctl
-from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.machine import with_values
 
 
@@ -38,6 +38,32 @@ def test_an_alarm_is_an_exception() -> None:
 def test_every_name_of_the_api_can_be_had() -> None:
     for name in gantryctl.__all__:
         assert getattr(gantryctl, name) is not None
-        assert name in dir(gantryctl)
+    assert dir(gantryctl) == sorted(gantryctl.__all__), "nothing but the public names"
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = gantryctl.nothing
+
+
+def test_what_scripts_get_shows_itself_in_a_notebook() -> None:
+    machine = gantryctl.default_machine()
+    result = gantryctl.move(machine, 1.0)
+    engine = gantryctl.build_engine(machine, recorder=gantryctl.MemoryRecorder)
+    engine.run_for(0.1)
+    assert len(engine.trace()) == 100
+    shown = {
+        "hust_gantry": machine,
+        "following error": result,
+        "load side": result.summary,
+        "100 scans": engine,
+        "jog-release": gantryctl.stop_table(machine, (1.0,)),
+        "A as measured": gantryctl.run_accuracy(machine, speed_test=False),
+    }
+    for words, each in shown.items():
+        page = each._repr_html_()
+        assert words in page, page
+        assert "<script" not in page
+        assert len(page) < 8000
+
+
+def test_an_engine_without_a_recording_in_memory_says_how_to_get_one() -> None:
+    with pytest.raises(UsageError, match="recorder=MemoryRecorder"):
+        gantryctl.build_engine(gantryctl.default_machine()).trace()

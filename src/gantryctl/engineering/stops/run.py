@@ -27,6 +27,7 @@ from gantryctl.machine import Machine
 from gantryctl.machine.places import heaviest_deg
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_stop, plan_velocity
+from gantryctl.notebook import table_html
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
@@ -263,12 +264,32 @@ class StopRow(NamedTuple):
     inspect: bool
 
 
-def stop_table(machine: Machine, speeds_deg_s: tuple[float, ...] | None = None) -> list[StopRow]:
+class StopTable(list[StopRow]):
+    """Rows of `stop_table`; a notebook shows them as a table."""
+
+    def _repr_html_(self) -> str:
+        head = ("stop", "from, deg/s", "angle, deg", "with reaction, deg", "time, s", "motor, N m", "")
+        rows = [
+            (
+                row.stop.stop_class.value,
+                f"{row.stop.speed_deg_s:.1f}",
+                f"{row.stop.angle_deg:.2f}",
+                f"{row.angle_with_reaction_deg:.2f}",
+                f"{row.stop.time_s:.2f}",
+                f"{row.stop.torque_motor_nm:.0f}",
+                "inspect afterwards" if row.inspect else "",
+            )
+            for row in self
+        ]
+        return table_html("Stops", head, rows)
+
+
+def stop_table(machine: Machine, speeds_deg_s: tuple[float, ...] | None = None) -> StopTable:
     """Every stop class at 1/10, 1/2 and the whole of the highest speed (or at `speeds_deg_s`), worst of four cases."""
     top = machine.speed.setting_max_deg_s
     speeds = speeds_deg_s or tuple(k * top for k in SPEED_PARTS)
     cases = [StopCase(machine, stop_class, speed) for stop_class in StopClass for speed in speeds]
-    rows = []
+    rows = StopTable()
     for stop in expected(worst_stops(cases)):
         angle = stop.angle_deg + stop.speed_deg_s * REACTION_S
         rows.append(StopRow(stop, angle, inspect=not within_ratings(machine, stop)))

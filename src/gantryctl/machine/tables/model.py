@@ -91,6 +91,24 @@ class Machine(Table):
         """The scans must keep real time: the drive does not wait for them."""
         return not self.plant_is_local and not self.can.stepped
 
+    def _repr_html_(self) -> str:
+        from gantryctl.notebook import facts_html
+
+        axis, speed, virtual = self.axis, self.speed, self.virtual_axis
+        turn = f", {axis.kind}" if axis.modulo else ""
+        facts = {
+            "file": self.source,
+            "travel": f"{axis.pos_min_deg:g} .. {axis.pos_max_deg:g} deg{turn}",
+            "speed": f"{speed.setting_min_deg_s:g} .. {speed.setting_max_deg_s:g} deg/s",
+            "acceleration": f"{virtual.acc_deg_s2:g} deg/s2",
+            "ratio": f"{axis.ratio:g}",
+            "motor": f"{self.motor.torque_rated_nm:g} N m, at most {self.motor.torque_max_nm:g} N m",
+            "scan": f"{self.control.scan_period_ms:g} ms",
+            "drive": self.drive.kind,
+            "compensation": "calibrated" if self.calibration else "not calibrated",
+        }
+        return facts_html(f"Machine: {self.name}", facts)
+
     def calibrated(self, calibration: Calibration | None) -> Machine:
         """Replace the identified values."""
         copy = self.model_copy()

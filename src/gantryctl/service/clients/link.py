@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.errors import CommandRefused, DeviceError
-from gantryctl.operation.store import SERVICE_SOCKET
-from gantryctl.service.clients.local import PeerName
+from gantryctl.operation.store import SERVICE_SOCKET, PeerName
 from gantryctl.service.protocol.limits import RENEW_S
 from gantryctl.service.protocol.messages import WITHOUT_EPOCH
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import StateError
-from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.operation.store import SERVICE_SOCKET, PeerName
 from gantryctl.service.clients.console_link import LinkGiver
 from gantryctl.service.clients.hub import Client, Flooded, Hub
 from gantryctl.service.protocol.limits import MESSAGE_MAX
@@ -35,21 +35,6 @@ _UNUSED_S: Final = 5.0
 _SEND_S: Final = 5.0
 _IDLE_S: Final = 60.0
 """Time without a message of a connection that does not watch; it is closed after it."""
-
-
-class PeerName:
-    """The address of the socket, through a handle of its directory."""
-
-    # A socket address takes 108 bytes; the path of a state directory may be longer.
-    def __init__(self, directory: Path) -> None:
-        self._handle = os.open(directory, os.O_PATH | os.O_DIRECTORY)
-        self.address = f"/proc/self/fd/{self._handle}/{SERVICE_SOCKET}"
-
-    def __enter__(self) -> str:
-        return self.address
-
-    def __exit__(self, *_: object) -> None:
-        os.close(self._handle)
 
 
 class LocalServer:

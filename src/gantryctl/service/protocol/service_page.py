@@ -43,7 +43,7 @@ _NUMBERS: Final = {
 def reference_page() -> str:
     """Write the page."""
     prose = Template(Path(__file__).with_suffix(".md").read_text(encoding="utf-8"))
-    alarms = _table(("key", "meaning"), ((f"`{key}`", words) for key, words in ALARM_ROW.items()))
+    alarms = _table(("key", "meaning"), ((f"`{key}`", row.meaning) for key, row in ALARM_ROW.items()))
     parts = {"tags": _tags(), "alarms": alarms, "messages": _messages(), "codes": _codes(), "roles": _roles()}
     return prose.substitute(_NUMBERS, **parts)
 
@@ -57,10 +57,14 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _tags() -> str:
     rows = (
-        (f"`{tag.name}`", tag.unit or "-", tag.kind, tag.direction, tag.rate, tag.role, _meaning(tag))
+        (f"`{tag.name}`", tag.unit or "-", _kind(tag), tag.direction, tag.rate, tag.role, _meaning(tag))
         for tag in TAGS
     )
     return _table(("name", "unit", "type", "direction", "rate", "role", "meaning"), rows)
+
+
+def _kind(tag: Tag) -> str:
+    return f"{tag.kind} or null" if tag.null else tag.kind
 
 
 def _meaning(tag: Tag) -> str:

@@ -25,6 +25,7 @@ class Tag(NamedTuple):
         rate: of its computation; `on change` is sent once and then when it changes.
         role: who may read it, or set it where the direction is `both`.
         labels: the words of an enum, in the order of their numbers.
+        null: it may be null: unknown, not believed, or not fitted.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Tag(NamedTuple):
     role: str
     meaning: str
     labels: tuple[str, ...] = ()
+    null: bool = False
 
 
 def _labels(kind: type[Enum]) -> tuple[str, ...]:
@@ -43,6 +45,11 @@ def _labels(kind: type[Enum]) -> tuple[str, ...]:
 
 def _out(name: str, unit: str, kind: Kind, rate: Rate, meaning: str, labels: tuple[str, ...] = ()) -> Tag:
     return Tag(name, unit, kind, "out", rate, "viewer", meaning, labels)
+
+
+def _may(name: str, unit: str, kind: Kind, rate: Rate, meaning: str) -> Tag:
+    """Declare a tag that may be null."""
+    return _out(name, unit, kind, rate, meaning)._replace(null=True)
 
 
 def _set(name: str, unit: str, kind: Kind, role: str, meaning: str, labels: tuple[str, ...] = ()) -> Tag:
@@ -57,30 +64,30 @@ _FRAME: Final = (
 )  # fmt: skip
 
 _MOTION: Final = (
-    _out("pos_act_deg", "deg", "float", "20 Hz", "Measured angle, motor side; null while it is not believed."),
-    _out("vel_act_deg_s", "deg/s", "float", "20 Hz", "Measured speed, motor side; null while it is not believed."),
+    _may("pos_act_deg", "deg", "float", "20 Hz", "Measured angle, motor side; null while it is not believed."),
+    _may("vel_act_deg_s", "deg/s", "float", "20 Hz", "Measured speed, motor side; null while it is not believed."),
     _out("pos_ref_deg", "deg", "float", "20 Hz", "Set-point angle."),
     _out("vel_ref_deg_s", "deg/s", "float", "20 Hz", "Set-point speed."),
     _out("acc_ref_deg_s2", "deg/s2", "float", "20 Hz", "Set-point acceleration."),
-    _out("vel_cmd_deg_s", "deg/s", "float", "20 Hz", "Speed command to the drive, at the load."),
-    _out("pos_err_deg", "deg", "float", "20 Hz", "Following error: set-point minus measured angle."),
-    _out("torque_act_nm", "N m", "float", "20 Hz", "Motor torque that the drive reports."),
-    _out("torque_expected_nm", "N m", "float", "20 Hz",
+    _may("vel_cmd_deg_s", "deg/s", "float", "20 Hz", "Speed command to the drive, at the load."),
+    _may("pos_err_deg", "deg", "float", "20 Hz", "Following error: set-point minus measured angle."),
+    _may("torque_act_nm", "N m", "float", "20 Hz", "Motor torque that the drive reports."),
+    _may("torque_expected_nm", "N m", "float", "20 Hz",
          "Motor torque expected from the motion so far (learned); null until learned."),
-    _out("overload", "", "float", "20 Hz", "Part of the drive's overload budget used, 0..1."),
-    _out("target_deg", "deg", "float", "20 Hz", "End of the present set-point plan; null for one without end."),
-    _out("time_left_s", "s", "float", "20 Hz", "Time until the plan ends; 0 at rest, null for one without end."),
-    _out("stopping_angle_deg", "deg", "float", "20 Hz", "Way to rest if the key were released or Stop pressed now."),
-    _out("key_lost_angle_deg", "deg", "float", "20 Hz",
+    _may("overload", "", "float", "20 Hz", "Part of the drive's overload budget used, 0..1."),
+    _may("target_deg", "deg", "float", "20 Hz", "End of the present set-point plan; null for one without end."),
+    _may("time_left_s", "s", "float", "20 Hz", "Time until the plan ends; 0 at rest, null for one without end."),
+    _may("stopping_angle_deg", "deg", "float", "20 Hz", "Way to rest if the key were released or Stop pressed now."),
+    _may("key_lost_angle_deg", "deg", "float", "20 Hz",
          "Longest way to rest from these values if the page were gone while a key is held: speed setting x lease, then "
          "the jog-release ramp."),
-    _out("quick_stop_angle_deg", "deg", "float", "20 Hz", "Way to rest with a quick stop now: rigid, no reaction."),
-    _out("travel_left_minus_deg", "deg", "float", "20 Hz", "Cable left in the minus direction."),
-    _out("travel_left_plus_deg", "deg", "float", "20 Hz", "Cable left in the plus direction."),
-    _out("reach_min_deg", "deg", "float", "20 Hz",
+    _may("quick_stop_angle_deg", "deg", "float", "20 Hz", "Way to rest with a quick stop now: rigid, no reaction."),
+    _may("travel_left_minus_deg", "deg", "float", "20 Hz", "Cable left in the minus direction."),
+    _may("travel_left_plus_deg", "deg", "float", "20 Hz", "Cable left in the plus direction."),
+    _may("reach_min_deg", "deg", "float", "20 Hz",
          "The set-point can go down to this from where it is: an end of travel, or its clearance to a no-go sector; "
          "of a modulo axis counted on from `pos_ref_deg`, null without a sector."),
-    _out("reach_max_deg", "deg", "float", "20 Hz", "The set-point can go up to this."),
+    _may("reach_max_deg", "deg", "float", "20 Hz", "The set-point can go up to this."),
 )  # fmt: skip
 
 _STATE: Final = (
@@ -88,7 +95,7 @@ _STATE: Final = (
     _out("drive_state", "", "enum", "20 Hz", "CiA 402 state of the drive.", _labels(DriveState)),
     _out("power_phase", "", "enum", "20 Hz", "Phase of the power sequence.", _labels(PowerPhase)),
     _out("power", "", "bool", "20 Hz", "Power is on: the axis follows commands."),
-    _out("brake_open", "", "bool", "20 Hz", "Brake feedback contact; null while it is not heard."),
+    _may("brake_open", "", "bool", "20 Hz", "Brake feedback contact; null while it is not heard."),
     _out("brake_open_cmd", "", "bool", "20 Hz", "Brake release command."),
     _out("horn", "", "bool", "20 Hz", "The load moves, or has moved, without a command: people must leave."),
     _out("at_rest", "", "bool", "20 Hz", "The set-point is at rest and no motion waits."),
@@ -100,12 +107,12 @@ _STATE: Final = (
     _out("limit_minus_ok", "", "bool", "20 Hz", "Limit switch minus not reached."),
     _out("limit_plus_ok", "", "bool", "20 Hz", "Limit switch plus not reached."),
     _out("mains_ready", "", "bool", "20 Hz", "Mains ready."),
-    _out("collision_ok", "", "bool", "20 Hz", "Collision interlock closed; null where it is not fitted."),
-    _out("door_ok", "", "bool", "20 Hz", "Room door closed; null where it is not fitted."),
-    _out("motion_permit", "", "bool", "20 Hz", "The room permits motion; null where it is not fitted."),
-    _out("estop_ok_2", "", "bool", "20 Hz", "Second channel of the emergency-stop chain closed; null without one."),
+    _may("collision_ok", "", "bool", "20 Hz", "Collision interlock closed; null where it is not fitted."),
+    _may("door_ok", "", "bool", "20 Hz", "Room door closed; null where it is not fitted."),
+    _may("motion_permit", "", "bool", "20 Hz", "The room permits motion; null where it is not fitted."),
+    _may("estop_ok_2", "", "bool", "20 Hz", "Second channel of the emergency-stop chain closed; null without one."),
     _out("lease_left_ms", "ms", "float", "20 Hz", "Time left of the hold-to-run lease; 0 without one."),
-    _out("round_trip_ms", "ms", "float", "20 Hz",
+    _may("round_trip_ms", "ms", "float", "20 Hz",
          "From the controller to the screen that has control and back, shortest of the last 2 s; null without one. No "
          "key is pressed above 150 ms."),
     _out("alarm_count", "", "int", "20 Hz", "Active alarms."),
@@ -114,22 +121,22 @@ _STATE: Final = (
 
 _HEALTH: Final = (
     _out("feedback_age_ms", "ms", "float", "20 Hz", "Age of the drive's process data (TPDO) in this scan."),
-    _out("heartbeat_age_ms", "ms", "float", "20 Hz", "Age of the drive's last heartbeat; null without a bus."),
-    _out("bus_missed", "", "int", "1 Hz", "Telegrams of the drive that were missing (all TPDOs); null without a bus."),
-    _out("bus_late", "", "int", "1 Hz", "Those that came after the scan had stopped waiting; null without a bus."),
-    _out("bus_duplicated", "", "int", "1 Hz", "Those that came twice for one SYNC; null without a bus."),
-    _out("bus_wrong_length", "", "int", "1 Hz", "Those of another length than was mapped; null without a bus."),
-    _out("bus_contradicted", "", "int", "1 Hz", "Those that contradict another of the same SYNC; null without a bus."),
-    _out("bus_refused", "", "int", "1 Hz", "Frames that the bus did not take; null without a bus."),
-    _out("bus_others", "", "int", "1 Hz", "Frames of others on the bus; null without a bus."),
+    _may("heartbeat_age_ms", "ms", "float", "20 Hz", "Age of the drive's last heartbeat; null without a bus."),
+    _may("bus_missed", "", "int", "1 Hz", "Telegrams of the drive that were missing (all TPDOs); null without a bus."),
+    _may("bus_late", "", "int", "1 Hz", "Those that came after the scan had stopped waiting; null without a bus."),
+    _may("bus_duplicated", "", "int", "1 Hz", "Those that came twice for one SYNC; null without a bus."),
+    _may("bus_wrong_length", "", "int", "1 Hz", "Those of another length than was mapped; null without a bus."),
+    _may("bus_contradicted", "", "int", "1 Hz", "Those that contradict another of the same SYNC; null without a bus."),
+    _may("bus_refused", "", "int", "1 Hz", "Frames that the bus did not take; null without a bus."),
+    _may("bus_others", "", "int", "1 Hz", "Frames of others on the bus; null without a bus."),
     _out("scan_period_ms", "ms", "float", "1 Hz", "Nominal scan period."),
-    _out("scan_lateness_p50_us", "us", "float", "1 Hz", "Lateness of the scans of the last 10 s, median."),
-    _out("scan_lateness_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),
-    _out("scan_lateness_max_us", "us", "float", "1 Hz", "The latest scan since the start."),
-    _out("scan_lateness_p99_deg", "deg", "float", "1 Hz", "The same 99 % as an angle at the highest speed."),
-    _out("scan_lateness_max_deg", "deg", "float", "1 Hz", "The latest scan as an angle at the highest speed."),
-    _out("scan_run_p50_us", "us", "float", "1 Hz", "Time a scan takes, median of the last 10 s."),
-    _out("scan_run_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),
+    _may("scan_lateness_p50_us", "us", "float", "1 Hz", "Lateness of the scans of the last 10 s, median."),
+    _may("scan_lateness_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),
+    _may("scan_lateness_max_us", "us", "float", "1 Hz", "The latest scan since the start."),
+    _may("scan_lateness_p99_deg", "deg", "float", "1 Hz", "The same 99 % as an angle at the highest speed."),
+    _may("scan_lateness_max_deg", "deg", "float", "1 Hz", "The latest scan as an angle at the highest speed."),
+    _may("scan_run_p50_us", "us", "float", "1 Hz", "Time a scan takes, median of the last 10 s."),
+    _may("scan_run_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),
     _out("scan_overruns", "", "int", "1 Hz", "Scans that ended after the next one was due."),
     _out("scan_skipped", "", "int", "1 Hz", "Deadlines that passed without a scan."),
     _out("real_time", "", "bool", "1 Hz", "SCHED_FIFO and locked memory were granted."),
@@ -171,32 +178,33 @@ _BRAKE: Final = (
     _out("brake_test_phase", "", "enum", "20 Hz", "Phase of the brake test; idle without one.",
          _labels(BrakeTestPhase)),
     _out("brake_test_left_s", "s", "float", "20 Hz", "Time until the test under way ends; 0 without one."),
-    _out("brake_test_torque_nm", "N m", "float", "20 Hz",
+    _may("brake_test_torque_nm", "N m", "float", "20 Hz",
          "Torque that the test puts on the brake now; the motor's own is `torque_act_nm`."),
-    _out("brake_test_moved_deg", "deg", "float", "20 Hz", "Farthest way during the test under way or the last one."),
+    _may("brake_test_moved_deg", "deg", "float", "20 Hz", "Farthest way during the test under way or the last one."),
     _out("brake_test_level_nm", "N m", "float", "on change", "Torque that the closed brake must hold, both ways."),
-    _out("brake_test_limit_deg", "deg", "float", "on change", "The axis may move this far under it."),
+    _may("brake_test_limit_deg", "deg", "float", "on change", "The axis may move this far under it."),
     _out("brake_test_result", "", "enum", "on change", "How the last test ended; aborted ones show nothing.",
          _labels(BrakeTestOutcome)),
     _out("brake_tests", "", "int", "on change", "Tests that have ended since the controller started."),
     _out("brake_test_text", "", "text", "on change", "What the last test measured, in one sentence."),
     _out("brake_test_messages", "", "messages", "on change",
          "The same as words and values, without the outcome."),
-    _out("brake_test_plus_nm", "N m", "float", "on change",
+    _may("brake_test_plus_nm", "N m", "float", "on change",
          "Torque on the brake in the plus direction, mean while held; null when it was not held."),
-    _out("brake_test_minus_nm", "N m", "float", "on change", "The same in the minus direction."),
+    _may("brake_test_minus_nm", "N m", "float", "on change", "The same in the minus direction."),
     _out("brake_tested_at", "", "text", "on change",
          "Date and time (UTC) of the last test that passed or failed; empty when there was none."),
     _out("brake_test_due_at", "", "text", "on change",
          "The next test is due then (UTC) at the latest; empty where it cannot be tested or never was."),
-    _out("brake_test_cycles_left", "", "int", "on change", "It is due after so many power-ups at the latest."),
+    _may("brake_test_cycles_left", "", "int", "on change",
+         "It is due after so many power-ups at the latest; null where it cannot be tested."),
     _out("brake_test_overdue", "", "bool", "on change", "It is overdue: slow motion only."),
 )  # fmt: skip
 
 _LIMITS: Final = (
     _out("speed_min_deg_s", "deg/s", "float", "on change", "Lowest speed setting."),
     _out("speed_max_deg_s", "deg/s", "float", "on change", "Highest speed setting."),
-    _out("speed_cap_deg_s", "deg/s", "float", "on change",
+    _may("speed_cap_deg_s", "deg/s", "float", "on change",
          "Keys and increments above this need the enabling switch."),
     _out("quick_dec_deg_s2", "deg/s2", "float", "on change",
          "Deceleration of a quick stop: as set, or as measured of a drive with a ramp of its own."),
@@ -206,13 +214,13 @@ _LIMITS: Final = (
     _out("pos_min_deg", "deg", "float", "on change",
          "The set-point never passes this; of a modulo axis, the begin of its turn."),
     _out("pos_max_deg", "deg", "float", "on change", "The set-point never passes this."),
-    _out("over_travel_min_deg", "deg", "float", "on change",
+    _may("over_travel_min_deg", "deg", "float", "on change",
          "A measured angle below this trips; a modulo axis has no ends: null."),
-    _out("over_travel_max_deg", "deg", "float", "on change", "A measured angle above this trips."),
-    _out("limit_switch_min_deg", "deg", "float", "on change", "The lower limit switch stands there."),
-    _out("limit_switch_max_deg", "deg", "float", "on change", "The upper limit switch stands there."),
-    _out("mechanical_stop_min_deg", "deg", "float", "on change", "The lower mechanical stop stands there."),
-    _out("mechanical_stop_max_deg", "deg", "float", "on change", "The upper mechanical stop stands there."),
+    _may("over_travel_max_deg", "deg", "float", "on change", "A measured angle above this trips."),
+    _may("limit_switch_min_deg", "deg", "float", "on change", "The lower limit switch stands there."),
+    _may("limit_switch_max_deg", "deg", "float", "on change", "The upper limit switch stands there."),
+    _may("mechanical_stop_min_deg", "deg", "float", "on change", "The lower mechanical stop stands there."),
+    _may("mechanical_stop_max_deg", "deg", "float", "on change", "The upper mechanical stop stands there."),
     _out("following_error_trip_deg", "deg", "float", "20 Hz", "Following error that stops the axis, at this speed."),
     _out("torque_rated_nm", "N m", "float", "on change", "Rated motor torque."),
     _out("torque_max_nm", "N m", "float", "on change", "Motor torque limit."),
@@ -230,9 +238,9 @@ _MACHINE: Final = (
     _out("version", "", "text", "on change", "Version of gantryctl."),
     _out("blocked_by", "", "text", "on change", "Why power cannot be switched on; empty when it can."),
     _out("blocked_by_messages", "", "messages", "on change", "The same as codes and values (see below)."),
-    _out("eccentric_moment_nm", "N m", "float", "1 Hz",
+    _may("eccentric_moment_nm", "N m", "float", "1 Hz",
          "Eccentric moment at the load, learned from the torque; null until learned."),
-    _out("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it would come to rest by itself; null until learned."),
+    _may("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it would come to rest by itself; null until learned."),
     _out("refusal_text", "", "text", "on change", "The last command that the program refused, and why."),
     _out("refusal_messages", "", "messages", "on change", "The same as code and values."),
     _out("alarms", "", "rows", "on change", "Active alarms, the first-out first (rows below)."),
@@ -242,25 +250,43 @@ _MACHINE: Final = (
 TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_ARMED, *_BRAKE, *_LIMITS, *_MACHINE)
 BY_NAME: Final = {tag.name: tag for tag in TAGS}
 
-# Keys of one row of `alarms` and `alarm_history`.
+
+class AlarmKey(NamedTuple):
+    """One key of a row of `alarms` and `alarm_history`.
+
+    Attributes:
+        kind: as of a tag, or `values`.
+        null: it may be null.
+    """
+
+    kind: Literal["int", "float", "bool", "text", "values", "messages"]
+    meaning: str
+    null: bool = False
+
+
 ALARM_ROW: Final = {
-    "id": "number of the alarm since the controller started",
-    "code": "stable code, e.g. CTL-03",
-    "severity": "INFO, WARNING, REFUSED or STOP",
-    "title": "two or three words",
-    "measured": "what was measured against which limit",
-    "values": "what was measured, as values: the fields of the message of `code`, angles as people read them",
-    "done": "what gantryctl did about it",
-    "steps": "the same as words and values",
-    "to_do": "what to do",
-    "cause": "what it means",
-    "text": "the whole line",
-    "at": "date and time, UTC",
-    "time_s": "time of the scan",
-    "pos_act_deg": "angle at the alarm, null where its reading was not believed",
-    "active": "still latched or present",
-    "first_out": "it stopped the axis",
-    "follows": "code of the first-out alarm that it follows, or empty",
-    "lock": "only service may reset it",
-    "acknowledged_by": "who has seen it, or empty",
+    "id": AlarmKey("int", "number of the alarm since the controller started"),
+    "code": AlarmKey("text", "stable code, e.g. CTL-03"),
+    "severity": AlarmKey("text", "INFO, WARNING, REFUSED or STOP"),
+    "title": AlarmKey("text", "two or three words"),
+    "measured": AlarmKey("text", "what was measured against which limit"),
+    "values": AlarmKey(
+        "values",
+        "what was measured, as values: the fields of the message of `code`, angles as people read them",
+    ),
+    "done": AlarmKey("text", "what gantryctl did about it"),
+    "steps": AlarmKey("messages", "the same as words and values"),
+    "to_do": AlarmKey("text", "what to do"),
+    "cause": AlarmKey("text", "what it means"),
+    "text": AlarmKey("text", "the whole line"),
+    "at": AlarmKey("text", "date and time, UTC"),
+    "time_s": AlarmKey("float", "time of the scan"),
+    "pos_act_deg": AlarmKey(
+        "float", "angle at the alarm, null where its reading was not believed", null=True
+    ),
+    "active": AlarmKey("bool", "still latched or present"),
+    "first_out": AlarmKey("bool", "it stopped the axis"),
+    "follows": AlarmKey("text", "code of the first-out alarm that it follows, or empty"),
+    "lock": AlarmKey("bool", "only service may reset it"),
+    "acknowledged_by": AlarmKey("text", "who has seen it, or empty"),
 }

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import DeviceError
-from gantryctl.operation.store import SERVICE_SOCKET
-from gantryctl.service.clients.local import PeerName
+from gantryctl.operation.store import SERVICE_SOCKET, PeerName
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
 

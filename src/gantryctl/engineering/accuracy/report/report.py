@@ -26,6 +26,7 @@ from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, ChordFigures
 from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_reaching, trapezoid_peak_speed
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import Requirement
+from gantryctl.notebook import facts_html
 from gantryctl.units import SIGNED, Dial
 
 FloatArray = NDArray[np.float64]
@@ -264,6 +265,19 @@ class AccuracyReport:
             largest_chord_expanded_deg=None if known is None else COVERAGE_K * known.largest_chord_deg,
             largest_angle_deg=None if angles is None else max(abs(error) for error in angles),
         )
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "A": f"{self.statistics.a_deg:.4f} deg",
+            A_MEASURED: f"{self.a_as_measured_deg:.4f} deg",
+            LARGEST_CHORD: f"{self._largest_chord_error():.4f} deg",
+            "verdict": f"{self.verdict.conformity.value}: {self.verdict.text}",
+            "speed test": {True: "passed", False: "failed", None: None}[self.speed_passed],
+            "readings": f"{self.source} ({self.origin.value})",
+        }
+        if self.comparison:
+            facts["comparison"] = self.comparison
+        return facts_html(f"Accuracy: {self.machine}", facts)
 
     @property
     def speed_passed(self) -> bool | None:

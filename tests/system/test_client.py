@@ -1,0 +1,226 @@
+"""The client against the real service: answers are as described, commands move the axis, and what hangs stops."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import runpy
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator, validate
+
+from gantryctl.client import Axis, KeyLost, Refused, local_axis
+from gantryctl.client import Service as Session
+from gantryctl.errors import DeviceError
+from gantryctl.machine import default_machine
+from gantryctl.trace.reader import read_trace
+from gantryctl.units import deg
+from support.service_process import PASSWORD, PATIENCE_S, Service, add_users
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MACHINE = default_machine()
+SPEED_DEG_S = 3.0
+# Jog-release ramp of the machine file: v / a, and the time that its jerk adds.
+RAMP_S = SPEED_DEG_S / MACHINE.virtual_axis.jog_release_dec_deg_s2 + (
+    MACHINE.virtual_axis.jog_release_dec_deg_s2 / MACHINE.virtual_axis.jog_release_jerk_deg_s3
+)
+AT_REST_DEG_S = 0.05
+"""As in `gantryctl stops`."""
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    root = tmp_path_factory.mktemp("service")
+    add_users(root)
+    with Service(root) as running:
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def _journal_keeps(request: pytest.FixtureRequest) -> None:
+    """A computer under load may hold the recorder up for so long that nothing new may begin (JRN-02): wait for it."""
+    if "service" in request.fixturenames:
+        with local_axis(directory=request.getfixturevalue("service").directory) as axis:
+            assert axis.wait_until(lambda tags: tags.journal_state in ("ok", "slow"), PATIENCE_S)
+
+
+def session(service: Service, user: str = "physicist") -> Session:
+    return Session(f"http://{service.address}", user, PASSWORD)
+
+
+def check(description: dict[str, Any], route: str, answer: Any) -> None:
+    content = description["paths"][f"/api/v1{route}"]["get"]["responses"]["200"]["content"]
+    (schema,) = (each["schema"] for each in content.values())
+    components = description["components"]
+    for value, wanted in (
+        ((json.loads(line), schema["contentSchema"]) for line in answer.splitlines())
+        if route == "/journal"
+        else ((json.loads(answer), schema),)
+    ):
+        validate(value, {**wanted, "components": components}, Draft202012Validator)
+
+
+def test_a_script_moves_the_axis_and_holds_a_key(service: Service) -> None:
+    with pytest.raises(Refused) as refused:
+        Session(f"http://{service.address}", "physicist", "wrong password")
+    assert refused.value.code == "SEC-01"
+    with session(service) as logged_in, logged_in.axis() as axis:
+        assert logged_in.who.role == "physicist"
+        with pytest.raises(Refused, match="SEC-07"):
+            axis.move(1.0)
+        axis.take()
+        axis.power_on()
+        assert axis.move(0.3, speed_deg_s=SPEED_DEG_S).pos_act_deg == pytest.approx(0.3, abs=0.005)
+        with pytest.raises(Refused, match="CTL-"):
+            axis.move(200.0)
+        with axis.hold("forward", speed_deg_s=1.0) as key:
+            for tags in key:
+                if tags.pos_ref_deg > 0.6:
+                    break
+        # at rest, a ramp from 1 deg/s behind the angle where the loop ended
+        assert axis.tags.at_rest
+        assert 0.6 < axis.tags.pos_ref_deg < 2.0
+        # A body that hangs: the reader goes on, the key does not.
+        with pytest.raises(KeyLost), axis.hold("reverse"):
+            time.sleep(0.6)
+        assert axis.tags.at_rest
+        moved = [event for event in logged_in.events() if event.text.startswith("move")]
+        assert {event.user for event in moved} == {"physicist"}
+        # The console of this computer sees the same, without a login.
+        with local_axis(directory=service.directory) as console:
+            assert console.tags.pos_ref_deg == pytest.approx(axis.tags.pos_ref_deg)
+            console.stop()
+        check_answers(service, logged_in)
+    with local_axis(directory=service.directory) as axis:
+        tags = axis.tags
+        assert (tags.power, tags.authority_user) == (False, ""), "leaving switches off and gives control back"
+    with pytest.raises(DeviceError, match="no service answers"):
+        local_axis(directory=service.root)
+
+
+def test_the_example_drives_the_service(
+    service: Service, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(service.root))
+    runpy.run_path(str(EXAMPLES / "05_drive_the_service.py"), run_name="__main__")
+    out = capsys.readouterr().out
+    assert "hust_gantry stands at" in out
+    assert "moved by 1.00 deg" in out
+    found = re.search(r"at rest (-?[\d.]+) deg from the begin", out)
+    assert found
+    # the ramp from 1 deg/s behind 0.8 deg
+    assert -0.5 < float(found[1]) < 0.8
+
+
+def check_answers(service: Service, logged_in: Session) -> None:
+    """Every answer is what the description says, with all tags."""
+    cookie = service.log_in("physicist")
+    description = json.loads(service.request("GET", "/api/v1/openapi.json")[1])
+    for route in (
+        "/tags",
+        "/status",
+        "/alarms",
+        "/traces",
+        "/journal",
+        "/session",
+        "/health",
+        "/openapi.json",
+    ):
+        status, answer, _ = service.request("GET", f"/api/v1{route}", cookie=cookie)
+        assert status == 200, answer
+        check(description, route, answer)
+    shown = json.loads(service.request("GET", "/api/v1/status", cookie=cookie)[1])["tags"]
+    assert set(shown) == set(description["components"]["schemas"]["Tags"]["properties"])
+    assert logged_in.status().machine == "hust_gantry"
+    assert logged_in.alarms() == []
+
+
+HOLDER = """
+import sys
+from gantryctl.client import Service
+from gantryctl.errors import GantryctlError
+
+address, password, speed, *certificate = sys.argv[1:]
+with Service(address, "physicist", password, certificate=certificate[0] if certificate else None) as service:
+    with service.axis() as axis:
+        axis.take()
+        axis.power_on()
+        try:
+            with axis.hold("forward", speed_deg_s=float(speed)) as key:
+                for tags in key:
+                    print(tags.time_s, flush=True)
+        except GantryctlError as lost:
+            print("lost", type(lost).__name__, flush=True)
+            sys.exit(4)
+"""
+
+
+def at_speed(process: subprocess.Popen[str], watcher: Axis) -> float:
+    """Wait until the key has brought the axis to speed; the time of the newest frame that its holder has seen."""
+    assert process.stdout is not None
+    seen_s = float(process.stdout.readline())
+    assert watcher.wait_until(lambda tags: tags.vel_ref_deg_s > 0.99 * SPEED_DEG_S, PATIENCE_S)
+    return seen_s
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_client_that_freezes_or_dies_lets_the_key_go_and_never_presses_it_again(
+    tmp_path: Path, how: signal.Signals
+) -> None:
+    """The true plant of the recording judges, and over TLS with a certificate that the client checks."""
+    files = [str(tmp_path / name) for name in ("cert.pem", "key.pem")]
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2",
+         "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1",
+         "-out", files[0], "-keyout", files[1]], check=True, capture_output=True,
+    )  # fmt: skip
+    add_users(tmp_path)
+    with Service(tmp_path, "--tls-cert", files[0], "--tls-key", files[1], "--name", "localhost") as service:
+        address = f"https://localhost:{service.address.rpartition(':')[2]}"
+        with pytest.raises(DeviceError, match=r"(?i)certificate"):
+            Session(address, "physicist", PASSWORD)
+        holder = subprocess.Popen(
+            [sys.executable, "-c", HOLDER, address, PASSWORD, str(SPEED_DEG_S), files[0]],
+            stdout=subprocess.PIPE, text=True, env={**os.environ},
+        )  # fmt: skip
+        try:
+            with local_axis(directory=service.directory) as watcher:
+                at_speed(holder, watcher)
+                # No frame after this one can have been acknowledged but those under way, 20 ms each.
+                frozen_s = watcher.tags.time_s
+                holder.send_signal(how)
+                assert watcher.wait_until(lambda tags: tags.at_rest, PATIENCE_S)
+                rest_s = watcher.tags.time_s
+                time.sleep(1.5)
+                if how is signal.SIGSTOP:
+                    holder.send_signal(signal.SIGCONT)
+                    out, _ = holder.communicate(timeout=PATIENCE_S)
+                    assert out.splitlines()[-1] == "lost KeyLost" or "lost DeviceError" in out, out[-200:]
+                    assert holder.returncode == 4
+                # Whatever it sends after it has come back: 2 s more of standstill.
+                time.sleep(2.0)
+                assert watcher.tags.lease_left_ms == 0.0
+                end_s = watcher.tags.time_s
+        finally:
+            holder.kill()
+            holder.wait()
+            assert holder.stdout is not None
+            holder.stdout.close()
+    (recording,) = (service.directory / "traces").glob("*.parquet")
+    trace = read_trace(recording)
+    speed_deg_s = np.abs(deg(trace["vel_motor_rad_s"])) / MACHINE.axis.ratio
+    moving_s = trace.time_s[(speed_deg_s > AT_REST_DEG_S) & (trace.time_s > frozen_s)]
+    lease_s = 0.0 if how is signal.SIGKILL else MACHINE.monitors.lease_ms * 1e-3
+    # 0.1 s: two frames of the watcher, by which the time of the freeze is known; 0.2 s: the plant behind its ramp.
+    assert moving_s[-1] <= frozen_s + lease_s + RAMP_S + 0.3, (moving_s[-1] - frozen_s, rest_s)
+    assert moving_s[-1] < end_s - 2.0
