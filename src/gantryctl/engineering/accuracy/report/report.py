@@ -269,8 +269,8 @@ class AccuracyReport:
     def _repr_html_(self) -> str:
         facts = {
             "A": f"{self.statistics.a_deg:.4f} deg",
-            A_MEASURED: f"{self.a_as_measured_deg:.4f} deg",
-            LARGEST_CHORD: f"{self._largest_chord_error():.4f} deg",
+            "A as measured": f"{self.a_as_measured_deg:.4f} deg",
+            "largest chord error": f"{self._judged_by.largest_chord_deg:.4f} deg",
             "verdict": f"{self.verdict.conformity.value}: {self.verdict.text}",
             "speed test": {True: "passed", False: "failed", None: None}[self.speed_passed],
             "readings": f"{self.source} ({self.origin.value})",
