@@ -10,9 +10,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ from gantryctl.trace.reader import read_trace
 from gantryctl.units import deg
 from support.service_process import PASSWORD, PATIENCE_S, Service, add_users
 
+T = TypeVar("T")
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MACHINE = default_machine()
 SPEED_DEG_S = 3.0
@@ -45,12 +46,20 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield running
 
 
-@pytest.fixture(autouse=True)
-def _journal_keeps(request: pytest.FixtureRequest) -> None:
-    """A computer under load may hold the recorder up for so long that nothing new may begin (JRN-02): wait for it."""
-    if "service" in request.fixturenames:
-        with local_axis(directory=request.getfixturevalue("service").directory) as axis:
-            assert axis.wait_until(lambda tags: tags.journal_state in ("ok", "slow"), PATIENCE_S)
+def again(work: Callable[[], T]) -> T:
+    """Do something that begins motion once more for as long as the recorder is held up (JRN-02).
+
+    A computer under load may leave it without a processor for longer than the service waits before it refuses new
+    motion: that is right, and not what is tested here.
+    """
+    until_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return work()
+        except Refused as refused:
+            if refused.code != "JRN-02" or time.monotonic() > until_s:
+                raise
+            time.sleep(0.5)
 
 
 def session(service: Service, user: str = "physicist") -> Session:
@@ -69,6 +78,18 @@ def check(description: dict[str, Any], route: str, answer: Any) -> None:
         validate(value, {**wanted, "components": components}, Draft202012Validator)
 
 
+def hold_until(axis: Axis, pos_deg: float) -> None:
+    with axis.hold("forward", speed_deg_s=1.0) as key:
+        for tags in key:
+            if tags.pos_ref_deg > pos_deg:
+                break
+
+
+def hold_and_hang(axis: Axis) -> None:
+    with axis.hold("reverse"):
+        time.sleep(0.6)  # longer than the lease
+
+
 def test_a_script_moves_the_axis_and_holds_a_key(service: Service) -> None:
     with pytest.raises(Refused) as refused:
         Session(f"http://{service.address}", "physicist", "wrong password")
@@ -78,23 +99,21 @@ def test_a_script_moves_the_axis_and_holds_a_key(service: Service) -> None:
         with pytest.raises(Refused, match="SEC-07"):
             axis.move(1.0)
         axis.take()
-        axis.power_on()
-        assert axis.move(0.3, speed_deg_s=SPEED_DEG_S).pos_act_deg == pytest.approx(0.3, abs=0.005)
+        again(axis.power_on)
+        moved = again(lambda: axis.move(0.3, speed_deg_s=SPEED_DEG_S))
+        assert moved.pos_act_deg == pytest.approx(0.3, abs=0.005)
         with pytest.raises(Refused, match="CTL-"):
             axis.move(200.0)
-        with axis.hold("forward", speed_deg_s=1.0) as key:
-            for tags in key:
-                if tags.pos_ref_deg > 0.6:
-                    break
+        again(lambda: hold_until(axis, 0.6))
         # at rest, a ramp from 1 deg/s behind the angle where the loop ended
         assert axis.tags.at_rest
         assert 0.6 < axis.tags.pos_ref_deg < 2.0
         # A body that hangs: the reader goes on, the key does not.
-        with pytest.raises(KeyLost), axis.hold("reverse"):
-            time.sleep(0.6)
+        with pytest.raises(KeyLost):
+            again(lambda: hold_and_hang(axis))
         assert axis.tags.at_rest
-        moved = [event for event in logged_in.events() if event.text.startswith("move")]
-        assert {event.user for event in moved} == {"physicist"}
+        begun = [event for event in logged_in.events() if event.text.startswith("move")]
+        assert {event.user for event in begun} == {"physicist"}
         # The console of this computer sees the same, without a login.
         with local_axis(directory=service.directory) as console:
             assert console.tags.pos_ref_deg == pytest.approx(axis.tags.pos_ref_deg)
@@ -111,7 +130,8 @@ def test_the_example_drives_the_service(
     service: Service, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("GANTRYCTL_STATE", str(service.root))
-    runpy.run_path(str(EXAMPLES / "05_drive_the_service.py"), run_name="__main__")
+    example = str(EXAMPLES / "05_drive_the_service.py")
+    again(lambda: runpy.run_path(example, run_name="__main__"))
     out = capsys.readouterr().out
     assert "hust_gantry stands at" in out
     assert "moved by 1.00 deg" in out

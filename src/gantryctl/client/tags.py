@@ -368,7 +368,7 @@ class Tags:
     no_go_deg: list[list[float]]
     """No-go sectors, from and to; of a modulo axis in every turn. [deg]"""
     drawing: str
-    """What the page draws: gantry for the machine of the paper, else axis."""
+    """What the page draws: couch, an axis that turns around one, or axis."""
     drive_kind: str
     """sim, ideal or canopen."""
     config_hash: str
