@@ -1,4 +1,7 @@
-"""The soak itself, for two minutes with steps of the clock both ways: everything but the slopes of memory is judged."""
+"""The soak itself, for two minutes with steps of the clock both ways: all but the slopes of memory is judged.
+
+On a quiet machine: a browser that gets no processor for two seconds loses control, and that is a stop nobody asked for.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,13 @@ SOAK = Path(__file__).parents[2] / "benchmarks" / "soak.py"
 def test_two_minutes_of_service_with_a_clock_that_is_stepped_both_ways(tmp_path: Path) -> None:
     log = tmp_path / "soak.jsonl"
     command = [sys.executable, str(SOAK), "--hours", "0.035", "--step-min", "0.4", "--log", str(log)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
+        try:
+            said, _ = run.communicate(timeout=400)
+        except subprocess.TimeoutExpired:
+            run.terminate()  # as Ctrl-C: it ends its service and its browser
+            said, _ = run.communicate()
+    assert run.returncode == 0, said
     findings = judge(read_log(log))
     assert [each.what for each in findings if not each.what.startswith("memory") and not each.passed] == []
-    assert words(findings) in done.stdout
+    assert words(findings) in said
