@@ -2,6 +2,7 @@
 
     .venv/bin/python benchmarks/soak.py --hours 24 --log soak.jsonl      # Ctrl-C: what was run is judged
     .venv/bin/python benchmarks/soak.py --judge soak.jsonl               # also of one that is running
+    .venv/bin/python benchmarks/soak.py --judge soak.jsonl --keep docs/evidence/soak.log
 
 `gantryctl serve` runs in real time on the virtual gantry, with a state directory of its own. In Chromium one person
 plays a day of treatment by seed, another one looks on; an OPC UA client subscribes. Every ten minutes the wall clock of
@@ -13,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import os
 import platform
 import signal
@@ -39,7 +39,7 @@ from support.opcua_looker import looking, trusted_client
 from support.service_process import Service, add_users
 from support.soak.day import Day
 from support.soak.stepped_clock import SteppedClock
-from support.soak.verdict import judge, passed, read_log, words
+from support.soak.verdict import judge, kept, line_of, passed, read_log, words
 from support.soak.watch import Files, Observer, Processes
 
 MINUTE_S = 60.0
@@ -71,8 +71,7 @@ class Log:
         return time.monotonic() - self._begin_s
 
     def put(self, kind: str, **values: Any) -> None:
-        line = {"kind": kind, "t_s": round(self.time_s, 1), **values}
-        print(json.dumps(line, separators=(",", ":")), file=self._file, flush=True)
+        print(line_of({"kind": kind, "t_s": round(self.time_s, 1), **values}), file=self._file, flush=True)
 
 
 class Ended:
@@ -209,14 +208,18 @@ def main() -> int:
     parser.add_argument("--step-min", type=float, default=10.0, help="minutes between two steps of the clock")
     parser.add_argument("--note", default="", help="of the computer, for the log")
     parser.add_argument("--judge", type=Path, help="judge this log, and run nothing")
+    parser.add_argument("--keep", type=Path, help="write the verdict and the log into this file")
     read = parser.parse_args()
     if read.judge is None:
         asked = Asked(read.hours, read.log, read.seed, read.step_min, read.note)
         log, ended = Log(asked.log), Ended()
         log.put("conditions", **conditions(asked))
         play(asked, log, ended)
-    findings = judge(read_log(read.judge or read.log))
+    whole = read_log(read.judge or read.log)
+    findings = judge(whole)
     print(words(findings))
+    if read.keep is not None:
+        read.keep.write_text(kept(whole), encoding="utf-8")
     return int(not passed(findings))
 
 

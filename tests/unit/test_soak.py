@@ -20,6 +20,7 @@ from support.soak.verdict import (
     SLOPE_MAX_MB_H,
     clock_steps,
     judge,
+    kept,
     missing_numbers,
     missing_scans,
     passed,
@@ -173,6 +174,13 @@ def test_an_unfinished_log_is_judged_as_far_as_it_goes(tmp_path: Path) -> None:
     assert words(findings).endswith("verdict of what can be told: pass")
     short = [each for each in judge(read_log(file)[:60]) if each.what.startswith("memory")]
     assert all(each.passed is None for each in short)
+
+
+def test_a_log_is_kept_with_its_verdict(tmp_path: Path) -> None:
+    file = tmp_path / "soak.log"
+    file.write_text(kept(good_log()), encoding="utf-8")
+    assert file.read_text(encoding="utf-8").startswith("# pass  memory: supervisor: ")
+    assert judge(read_log(file)) == judge(good_log())
 
 
 def test_the_interval_of_a_slope_has_the_true_one_in_95_of_100() -> None:

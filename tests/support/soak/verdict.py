@@ -99,8 +99,13 @@ def clock_steps(events: Iterable[tuple[float, float]], least_s: float = 60.0) ->
     return [float(step) for step in found]
 
 
+def line_of(values: Line) -> str:
+    """One line of a log."""
+    return json.dumps(values, separators=(",", ":"))
+
+
 def read_log(path: Path) -> list[dict[str, Any]]:
-    """All whole lines of a log, also of one that is being written."""
+    """All whole lines of a log, also of one that is being written, or was kept with its verdict."""
     text = path.read_text(encoding="utf-8")
     return [
         json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines() if not line.startswith("#")
@@ -217,3 +222,9 @@ def words(findings: Sequence[Finding]) -> str:
 def passed(findings: Sequence[Finding]) -> bool:
     """Whether nothing failed; what the log cannot tell yet does not fail."""
     return all(each.passed is not False for each in findings)
+
+
+def kept(log: Sequence[Line]) -> str:
+    """A log with its verdict above it, as it is kept as evidence."""
+    verdict = "".join(f"# {line}\n" for line in words(judge(log)).splitlines())
+    return verdict + "".join(f"{line_of(line)}\n" for line in log)
