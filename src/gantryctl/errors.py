@@ -2,10 +2,10 @@
 
 GantryctlError                 every error that a user may see
 ├── CriterionNotMet            a run finished and its criterion failed               exit code 1
-├── UsageError                 a command or argument that cannot be used             exit code 2
+├── UsageError                 a command, argument or named file that cannot be used exit code 2
 │   ├── ConfigError            a machine file with wrong fields (all of them listed)  exit code 2
 │   └── CommandRefused         understood, but not possible in this state             exit code 2
-├── DeviceError                drive, encoder, state directory or file trouble       exit code 3
+├── DeviceError                drive, bus, service, state directory or disk trouble  exit code 3
 │   ├── InstrumentError        a measuring instrument gave no usable reading         exit code 3
 │   └── StateError             retained memory or simulator state cannot be used     exit code 3
 └── AlarmStop                  the axis was stopped by an alarm                      exit code 4
@@ -30,7 +30,10 @@ class CriterionNotMet(GantryctlError):
 
 
 class UsageError(GantryctlError):
-    """An argument that cannot be used; the message names the value, the limit, the unit and what to do."""
+    """An argument, or a file that it names, that cannot be used.
+
+    The message names the value, the limit, the unit and what to do.
+    """
 
     exit_code = 2
 
@@ -52,7 +55,7 @@ class CommandRefused(UsageError):
 
 
 class DeviceError(GantryctlError):
-    """A fault of a drive, an instrument, the state directory or a file."""
+    """A fault of a drive, a bus, an instrument, the service, the state directory or the disk."""
 
     exit_code = 3
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import sys
@@ -11,10 +12,42 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from gantryctl.errors import StateError
+from gantryctl.errors import DeviceError, GantryctlError, StateError, UsageError
 
 # A disk that stalls takes some seconds (fault F12); nothing that is younger than this is taken for left behind.
 DRAFT_S: Final = 60.0
+# The disk or the process is in trouble, whatever name was given.
+_TROUBLE: Final = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
+
+
+def unwritable(path: Path, fault: OSError) -> GantryctlError:
+    """Error for a file that somebody named and that cannot be written: of the name, or of the disk."""
+    kind = DeviceError if fault.errno in _TROUBLE else UsageError
+    return kind(f"{path}: cannot be written: {fault.strerror or fault}")
+
+
+def unreadable(path: Path, fault: OSError) -> GantryctlError:
+    """Error for a file that somebody named and that cannot be read: of the name, or of the disk."""
+    kind = DeviceError if fault.errno in _TROUBLE else UsageError
+    return kind(f"{path}: cannot be read: {fault.strerror or fault}")
+
+
+def check_place(path: Path) -> None:
+    """Refuse the name of a file that cannot be written, before any work is done for it.
+
+    Raises:
+        UsageError: it is a folder, there is no such folder, or this user may not write there.
+    """
+    folder = path.parent
+    why = ""
+    if path.is_dir():
+        why = "is a folder"
+    elif not folder.is_dir():
+        why = f"cannot be written: there is no folder {folder}"
+    elif not os.access(path if path.exists() else folder, os.W_OK):
+        why = "cannot be written: no right to"
+    if why:
+        raise UsageError(f"{path}: {why}")
 
 
 def write_whole(path: Path, data: bytes | str, *, private: bool = False, make_folder: bool = False) -> None:

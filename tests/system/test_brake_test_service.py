@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import pwd
@@ -15,6 +16,7 @@ import pytest
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
+from support.command_line import cli
 from support.service_process import PASSWORD, Page, Service, add_users
 
 HERE = pwd.getpwuid(os.getuid()).pw_name
@@ -105,6 +107,29 @@ def test_the_command_line_tests_resets_and_shows_what_the_service_knows(service:
     assert command(service, "reset").stdout == "nothing to reset\n"
     assert json.loads(command(service, "alarms", "--json").stdout) == []
     assert command(service, "detach").returncode == 0
+
+
+def test_power_is_switched_watched_and_left_from_the_command_line(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(service.root))
+    assert "hust_gantry: no alarm has stopped" in cli("why", "--service").out
+    assert cli("power", "on", "--yes").out == "power is on\n"
+    assert cli("power", "on", "--yes").out == "power was on already\n"
+    # The command has ended and power is still there; without an answer it would not have come.
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    answer = cli("power", "on")
+    assert (answer.code, "power stays off" in answer.err) == (2, True)
+    watching = start(service, "status", "--watch", "--json")
+    assert watching.stdout is not None
+    lines = [json.loads(watching.stdout.readline()) for _ in range(2)]
+    watching.send_signal(signal.SIGINT)
+    assert watching.wait(20) == 0
+    assert [line["power"] for line in lines] == [True, True]
+    # A line a second of the axis; the status frames come every 50 ms.
+    assert 0.99 <= lines[1]["time_s"] - lines[0]["time_s"] <= 1.5
+    assert cli("power", "off").out == "power is off\n"
+    assert cli("power", "off").out == "power was off already\n"
 
 
 @pytest.fixture(scope="module")

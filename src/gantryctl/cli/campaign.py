@@ -10,18 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import (
-    PATH,
-    directory,
-    json_option,
-    number_option,
-    print_json,
-    stop_signals,
-    write_text,
-)
+from gantryctl.cli.options import directory, json_option, number_option, print_json, stop_signals, write_text
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.extras import need
+from gantryctl.cli.values import INPUT, PATH, Whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,10 +38,10 @@ def campaign() -> None:
 
 
 @campaign.command()
-@click.argument("file", type=PATH)
+@click.argument("file", type=INPUT)
 @click.option("--out", "out", type=PATH, help="Folder of the result; NAME.result when not given.")
-@click.option("--threads", type=click.IntRange(1, 1024), help="Threads; one per processor when not given.")
-@click.option("--workers", type=click.IntRange(1, 1024), help="Processes instead of threads.")
+@click.option("--threads", type=Whole(1, 1024), help="Threads; one per processor when not given.")
+@click.option("--workers", type=Whole(1, 1024), help="Processes instead of threads.")
 @click.option("--cluster", help="Dask scheduler instead, such as tcp://10.0.0.1:8786.")
 @json_option
 def run(
@@ -153,11 +146,11 @@ def compare(results: tuple[Path, ...], as_json: bool) -> None:
 
 
 @campaign.command()
-@click.argument("file", type=PATH)
+@click.argument("file", type=INPUT)
 @click.option(
-    "--plants", type=click.IntRange(1), default=100_000_000, show_default=True, help="Plants to reckon with."
+    "--plants", type=Whole(1), default=100_000_000, show_default=True, help="Plants to reckon with."
 )
-@click.option("--cores", type=click.IntRange(1), default=320, show_default=True, help="Cores of the cluster.")
+@click.option("--cores", type=Whole(1), default=320, show_default=True, help="Cores of the cluster.")
 @number_option(("--price",), 0.04, "Price of a core for an hour.")
 @number_option(("--measure",), 5.0, "Seconds of computing that the rate is measured with.")
 @json_option

@@ -15,9 +15,20 @@ _HEAD = """\
 
 Written by `python -m gantryctl.cli.command_page docs/reference/cli.md`; do not edit, a test compares.
 
-Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm. Results go to
-standard output, messages to standard error; `--json` prints one JSON object and nothing else. Angles are degrees at the
-load.
+Results go to standard output, messages to standard error; `--json` prints one JSON object and nothing else. Angles are
+degrees at the load, speeds deg/s; speeds of the speed test are r/min, as their options say. `-` in the place of a file
+that is read is standard input.
+
+| exit code | |
+|---|---|
+| 0 | done |
+| 1 | done, and a criterion is not met, or a motion did not reach its end |
+| 2 | the command line, a file that it names, or what it asks for in the present state; nothing has moved |
+| 3 | drive, bus, instrument, service, state directory or disk |
+| 4 | stopped by an alarm |
+| 5 | a fault of gantryctl |
+| 130 | interrupted by Ctrl-C, as other tools |
+| 141 | standard output was closed before its end (`gantryctl ... \\| head`), as other tools |
 
 | environment | |
 |---|---|

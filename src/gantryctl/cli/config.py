@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.drafting import check_name, drafted, gears_option, motor_option, report, write_new
-from gantryctl.cli.options import PATH, json_option, print_json
+from gantryctl.cli.options import json_option, print_json
+from gantryctl.cli.values import INPUT, PATH, Whole
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
@@ -37,11 +38,9 @@ def config() -> None:
     help="The same machine behind a CANopen drive on this interface of python-can: socketcan, pcan, udp_multicast ...",
 )
 @click.option("--channel", default="", help="With --can: can0, PCAN_USBBUS1 ...")
+@click.option("--node", type=Whole(1, 127), default=2, show_default=True, help="With --can: node id.")
 @click.option(
-    "--node", type=click.IntRange(1, 127), default=2, show_default=True, help="With --can: node id."
-)
-@click.option(
-    "--sheet", "sheet_path", type=PATH, help="A machine of your own, drafted from this requirement sheet."
+    "--sheet", "sheet_path", type=INPUT, help="A machine of your own, drafted from this requirement sheet."
 )
 @motor_option
 @gears_option
@@ -161,6 +160,7 @@ def _copy(source: Path, dest: Path, force: bool) -> None:
 
 def _write(data: bytes, dest: Path, force: bool) -> None:
     from gantryctl.errors import UsageError
+    from gantryctl.files import unwritable
 
     try:
         # Exclusive creation: nothing between a look and the writing can be overwritten.
@@ -168,13 +168,13 @@ def _write(data: bytes, dest: Path, force: bool) -> None:
             file.write(data)
     except FileExistsError:
         raise UsageError(f"{dest}: exists already; --force overwrites it") from None
-    except OSError as error:
-        raise UsageError(f"{dest}: cannot be written: {error.strerror or error}") from None
+    except OSError as fault:
+        raise unwritable(dest, fault) from None
 
 
 @config.command()
-@click.argument("file", type=PATH, required=False)
-@click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
+@click.argument("file", type=INPUT, required=False)
+@click.option("--config", "option", type=INPUT, help="The machine file, as in other commands.")
 @json_option
 def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     """Check FILE (default: the reference machine); every problem is one line, exit code 2.
@@ -218,8 +218,8 @@ def _check_calibration(machine: Machine) -> None:
 
 
 @config.command()
-@click.argument("file", type=PATH, required=False)
-@click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
+@click.argument("file", type=INPUT, required=False)
+@click.option("--config", "option", type=INPUT, help="The machine file, as in other commands.")
 @json_option
 @click.option("--derived/--no-derived", "with_derived", default=True, help="What follows from the values.")
 def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bool) -> None:
@@ -250,8 +250,8 @@ def schema() -> None:
 
 
 @config.command()
-@click.argument("first", metavar="A", type=PATH)
-@click.argument("second", metavar="[B]", type=PATH, required=False)
+@click.argument("first", metavar="A", type=INPUT)
+@click.argument("second", metavar="[B]", type=INPUT, required=False)
 @json_option
 def diff(first: Path, second: Path | None, as_json: bool) -> None:
     """Compare the values in force of two machine files, defaults included; A alone: with the reference gantry."""
@@ -274,7 +274,7 @@ def diff(first: Path, second: Path | None, as_json: bool) -> None:
 
 
 @config.command()
-@click.option("--config", "option", type=PATH, help="Machine file; the reference gantry when not given.")
+@click.option("--config", "option", type=INPUT, help="Machine file; the reference gantry when not given.")
 @json_option
 def export(option: Path | None, as_json: bool) -> None:
     """Print all settings as one document: machine file in force, service, operator, encoder, accounts.

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH, print_json
+from gantryctl.cli.options import print_json, write_text
+from gantryctl.cli.values import INPUT, Whole
 
 if TYPE_CHECKING:
     from gantryctl.engineering.drafting.draft import Draft
@@ -22,13 +23,13 @@ if TYPE_CHECKING:
 motor_option = click.option(
     "--motor",
     "motor_files",
-    type=PATH,
+    type=INPUT,
     multiple=True,
     help="Motor file to choose from; may be repeated. All delivered motors when not given.",
 )
 gears_option = click.option(
     "--gears",
-    type=click.IntRange(0, 10_000),
+    type=Whole(0, 10_000),
     default=32,
     show_default=True,
     help="Random gears of the grade that the draft is tried with, some seconds; 0 leaves it out.",
@@ -44,6 +45,7 @@ def answer_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--answers",
             "answers_file",
+            type=INPUT,
             metavar="FILE",
             help="Answers, a line each: key = value; - reads standard input.",
         ),
@@ -71,7 +73,7 @@ def check_name(name: str, what: str) -> None:
 
 
 def sheet_of(
-    name: str, template_name: str | None, answers_file: str | None, options: tuple[str, ...], quiet: bool
+    name: str, template_name: str | None, answers_file: Path | None, options: tuple[str, ...], quiet: bool
 ) -> tuple[Answered, Values]:
     """Template, answers and every value of the sheet that follows from them.
 
@@ -105,16 +107,14 @@ def _template(asks: bool) -> str:
     return str(click.prompt("Kind of axis", type=click.Choice(names)))
 
 
-def _given(answers_file: str | None, options: tuple[str, ...]) -> dict[str, Any]:
+def _given(answers_file: Path | None, options: tuple[str, ...]) -> dict[str, Any]:
     """Answers of the file, then those of the options, which win."""
     from gantryctl.engineering.drafting.questions import answered, answered_by_options
-    from gantryctl.machine.reading import MAX_BYTES, read_text
+    from gantryctl.machine.reading import read_text
 
     given: dict[str, Any] = {}
-    if answers_file == "-":
-        given |= answered(sys.stdin.read(MAX_BYTES), "standard input")
-    elif answers_file is not None:
-        given |= answered(read_text(Path(answers_file), ""), answers_file)
+    if answers_file is not None:
+        given |= answered(read_text(answers_file, ""), str(answers_file))
     return given | answered_by_options(options)
 
 
@@ -167,10 +167,7 @@ def write_new(texts: dict[Path, str], force: bool) -> None:
         if path.exists() and not force:
             raise UsageError(f"{path}: exists already; --force overwrites it")
     for path, text in texts.items():
-        try:
-            path.write_text(text, encoding="utf-8")
-        except OSError as fault:
-            raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+        write_text(path, text)
 
 
 def report(

@@ -1,6 +1,7 @@
 """The command `gantryctl`: sub-commands, imported when they are called; errors as messages and exit codes.
 
-Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm.
+Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm, 5 a fault of
+gantryctl, and as of other tools 130 interrupted, 141 standard output was closed.
 """
 
 from __future__ import annotations
@@ -17,6 +18,11 @@ from gantryctl.errors import ConfigError, DeviceError, GantryctlError
 
 TRACEBACK_VARIABLE: Final = "GANTRYCTL_TRACEBACK"
 
+INTERNAL: Final = 5
+# What a shell reports of a tool that SIGINT or SIGPIPE has ended: 128 and the number of the signal.
+INTERRUPTED: Final = 130
+OUTPUT_CLOSED: Final = 141
+
 
 class Entry(NamedTuple):
     """Module of a sub-command below `gantryctl.cli`, its name there, and its line in the help."""
@@ -31,6 +37,7 @@ class Entry(NamedTuple):
 COMMANDS: Final = {
     "move": Entry("axis.move", "move", "Move to an angle, or by an angle."),
     "jog": Entry("axis.move", "jog", "Hold-to-run motion in one direction for a time."),
+    "power": Entry("axis.power", "power", "Power at the running service: on, off."),
     "stops": Entry("engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."),
     "speed-test": Entry(
         "engineering.accuracy",
@@ -76,6 +83,7 @@ COMMANDS: Final = {
     "detach": Entry("axis.attach", "detach", "End that: commands run on their own."),
     "status": Entry("axis.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("axis.state", "alarms", "Alarms of the past, newest first."),
+    "why": Entry("axis.why", "why", "Why the axis stopped last: sentences and a picture of the moment."),
     "explain": Entry("axis.state", "explain", "What an alarm code means and what to do."),
     "reset": Entry("axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
     "brake-test": Entry("axis.brake_test", "brake_test", "Test torque against the closed brake, both ways."),
@@ -85,7 +93,7 @@ COMMANDS: Final = {
     "config": Entry(
         "config", "config", "Machine files: init, check, show, schema, diff; export all settings."
     ),
-    "trace": Entry("trace", "trace", "Recordings: show, plot, export."),
+    "trace": Entry("trace", "trace", "Recordings: list, show, plot, compare, export."),
     "can": Entry("drive.can", "can", "The CAN bus: who is on it, what was said on it."),
     "drive": Entry("drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."),
     "commission": Entry(
@@ -168,9 +176,9 @@ def run(args: list[str] | None = None) -> int:
         result: Any = cli.main(args=args, prog_name="gantryctl", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    # What click raises when a pipe is closed: `gantryctl ... | head` has got the lines that it wanted.
+    # What click raises when a pipe is closed, as by `gantryctl ... | head -1`.
     except SystemExit:
-        return 0
+        return OUTPUT_CLOSED
     except click.exceptions.NoArgsIsHelpError as wrong:
         wrong.show()
         return 2
@@ -179,7 +187,7 @@ def run(args: list[str] | None = None) -> int:
         return 2
     except click.Abort:
         click.echo("Interrupted.", err=True)
-        return 2
+        return INTERRUPTED
     except ConfigError as wrong:
         for line in wrong.problems:
             click.echo(f"error: {line}", err=True)
@@ -214,7 +222,7 @@ def _ended_by(bug: Exception) -> int:
         f"({TRACEBACK_VARIABLE}=1 shows where)",
         err=True,
     )
-    return DeviceError.exit_code
+    return INTERNAL
 
 
 def _one_line(wrong: click.ClickException) -> str:
@@ -227,4 +235,14 @@ def _one_line(wrong: click.ClickException) -> str:
 
 def main() -> None:
     """Entry point of the installed command."""
-    sys.exit(run())
+    code = run()
+    try:
+        # What is still buffered: Python would complain at its end, and end with a code of its own.
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        from gantryctl.cli.text import mute
+
+        mute()
+        code = code or OUTPUT_CLOSED
+    sys.exit(code)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from gantryctl.cli.values import FINITE, INPUT, PATH, LogPath, Whole
+
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
 
@@ -21,49 +22,13 @@ if TYPE_CHECKING:
 Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-class NamedPath(click.Path):
-    """A file or directory name that can be printed and stored: not empty, and in the system's encoding."""
-
-    # click takes any bytes: a lone surrogate or a NUL would raise deep inside a command, not at the option.
-
-    def convert(
-        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
-    ) -> Path:
-        """The path, or a usage error that names it."""
-        name = os.fspath(value)
-        if not name:
-            self.fail("an empty name", param, ctx)
-        if "\0" in name or name != name.encode(errors="ignore").decode():
-            self.fail(f"{name!a} is not a name in UTF-8", param, ctx)
-        return Path(name)
-
-
-PATH = NamedPath()
-
-
-class LogPath(NamedPath):
-    """Name of a log of a bus that is to be written."""
-
-    def convert(
-        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
-    ) -> Path:
-        """The path, or a usage error that names the formats."""
-        from gantryctl.errors import UsageError
-        from gantryctl.trace.frames.files import check_log_name
-
-        try:
-            return check_log_name(super().convert(value, param, ctx))
-        except UsageError as wrong:
-            self.fail(str(wrong), param, ctx)
-
-
 config_option = click.option(
-    "--config", "config_file", type=PATH, help="Machine file; the reference gantry when not given."
+    "--config", "config_file", type=INPUT, help="Machine file; the reference gantry when not given."
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 out_option = click.option("--out", "out", type=PATH, help="Directory for files that the command writes.")
 seed_option = click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Seed of all noise."
+    "--seed", type=Whole(0, 2**63 - 1), default=0, show_default=True, help="Seed of all noise."
 )
 service_option = click.option(
     "--service", "service", is_flag=True, help="Ask the running service; see `attach`."
@@ -77,29 +42,6 @@ take_over_option = click.option(
 fresh_option = click.option(
     "--fresh", is_flag=True, help="Start from a new machine at 0 deg; read and write no retained state."
 )
-
-
-class FiniteFloat(click.ParamType[float]):
-    """A number that is neither nan nor inf."""
-
-    # Python reads "nan" and "1e400" as floats, and no comparison with a limit catches the first.
-
-    name = "number"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number, or a usage error that names it."""
-        import math
-
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            self.fail(f"{value!r} is not a number", param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number", param, ctx)
-        return number
-
-
-FINITE = FiniteFloat()
 
 
 def choice_option(name: str, choices: Sequence[str], help: str) -> Option:
@@ -233,14 +175,14 @@ def write_text(path: Path, text: str) -> Path:
     """A file that the user asked for; its path is returned.
 
     Raises:
-        UsageError: it cannot be written.
+        UsageError: there is no place of this name. DeviceError: the disk does not take it.
     """
-    from gantryctl.errors import UsageError
+    from gantryctl.files import unwritable
 
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as fault:
-        raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+        raise unwritable(path, fault) from None
     return path
 
 

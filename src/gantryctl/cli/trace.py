@@ -1,45 +1,76 @@
-"""`gantryctl trace`: show, plot and export recordings."""
+"""`gantryctl trace`: list, show, plot, compare and export recordings."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
-from gantryctl.cli.options import PATH, NamedPath, json_option, print_done, print_json, write_text
+from gantryctl.cli.options import json_option, print_done, print_json, write_text
 from gantryctl.cli.report import report_options
 from gantryctl.extras import need
+from gantryctl.cli.values import FINITE, PATH, InputPath, Whole, check_lasting
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
     from gantryctl.trace.table import ColumnSummary, Trace
 
 
-class Recording(NamedPath):
-    """A recording: a file, or the word `last` for the newest one."""
+def _newest() -> Path:
+    from gantryctl.operation.store import last_recording
 
-    def convert(
-        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
-    ) -> Path:
-        """The file; `last` is looked up in the state directory."""
-        if value == "last":
-            from gantryctl.operation.store import last_recording
-
-            return last_recording()
-        return super().convert(value, param, ctx)
+    return last_recording()
 
 
-file_argument = click.argument("file", type=Recording(), default="last")
+_RECORDING: Final = InputPath({"last": _newest})
+# What a picture of a comparison shows unless it is told.
+_COMPARED: Final = ("pos_act_rad", "vel_act_rad_s", "torque_act_nm")
+file_argument = click.argument("file", type=_RECORDING, default="last")
 
 
 @click.group()
 def trace() -> None:
-    """Show, plot and export recordings: *.parquet, or *.arrows of a run that still goes on or was killed.
+    """List, show, plot, compare and export recordings.
+
+    They are *.parquet, or *.arrows of a run that still goes on or was killed.
 
     FILE is a recording; without it, or with the word `last`, the newest one of the state directory.
     """
+
+
+@trace.command("list")
+@click.option("--config", "config_file", type=PATH, help="Only those of this machine.")
+@click.option("--last", "count", type=Whole(1), default=20, show_default=True, help="How many, the newest.")
+@json_option
+def list_(config_file: Path | None, count: int, as_json: bool) -> None:
+    """List the recordings of the state directory, newest last."""
+    from gantryctl.machine import load_machine
+    from gantryctl.operation.store import state_root
+    from gantryctl.trace.listing import recordings
+
+    name = "*" if config_file is None else load_machine(config_file).name
+    found = [row for folder in state_root().glob(f"{name}/traces") for row in recordings(folder)]
+    found = sorted(found, key=lambda row: (row.begun is not None, row.begun, row.file))[-count:]
+    if as_json:
+        print_json(
+            [
+                {
+                    **row._asdict(),
+                    "file": str(row.file),
+                    "machine": row.file.parent.parent.name,
+                    "begun": None if row.begun is None else row.begun.isoformat(timespec="milliseconds"),
+                }
+                for row in found
+            ]
+        )
+        return
+    if not found:
+        click.echo(f"no recording under {state_root()} yet: `gantryctl move` makes one")
+    for row in found:
+        begun = "-" if row.begun is None else f"{row.begun:%Y-%m-%d %H:%M:%S} UTC"
+        lasts = "not closed" if row.duration_s is None else f"{row.duration_s:.1f} s"
+        click.echo(f"{begun:<23}  {lasts:>11}  {row.size_bytes / 1e6:>8.2f} MB  {row.file}")
 
 
 @trace.command()
@@ -112,10 +143,10 @@ def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
     type=PATH,
     help="PNG, SVG, or HTML with the recording inside, as the name ends (default: FILE with .png).",
 )
-@click.option("--overlay", type=Recording(), metavar="FILE", help="HTML: another recording over this one.")
+@click.option("--overlay", type=_RECORDING, metavar="FILE", help="HTML: another recording over this one.")
 @click.option("--columns", help="Only these, separated by commas; one diagram per unit.")
-@click.option("--from", "start_s", type=float, help="From this time on, s.")
-@click.option("--to", "end_s", type=float, help="Up to this time, s.")
+@click.option("--from", "start_s", type=FINITE, help="From this time on, s.")
+@click.option("--to", "end_s", type=FINITE, help="Up to this time, s.")
 @report_options
 @json_option
 def plot(
@@ -190,9 +221,84 @@ def _title(file: Path, recording: Trace) -> str:
 
 
 def _beside(file: Path, suffix: str) -> Path:
+    from gantryctl.files import check_place
+
+    check_lasting(file, "without --out")
     # A recording may have dots in its name (a date, a version): only the endings of recordings are taken off.
     stem = file.stem if file.suffix in {".parquet", ".arrows", ".csv"} else file.name
-    return file.with_name(stem + suffix)
+    beside = file.with_name(stem + suffix)
+    check_place(beside)
+    return beside
+
+
+@trace.command()
+@click.argument("first", metavar="A", type=_RECORDING)
+@click.argument("second", metavar="B", type=_RECORDING)
+@click.option(
+    "--align",
+    type=click.Choice(["motion", "start"]),
+    default="motion",
+    show_default=True,
+    help="What both begin with: the first motion of the set-point, or the first row.",
+)
+@click.option("--out", type=PATH, help="Picture of the differences, PNG or SVG.")
+@click.option("--columns", help="Only these in the picture, separated by commas.")
+@json_option
+def compare(
+    first: Path, second: Path, align: str, out: Path | None, columns: str | None, as_json: bool
+) -> None:
+    """Compare recording B with recording A: the largest deviation of every column, and when.
+
+    Both are put on one time axis, that of A. In degrees. The picture shows B minus A.
+    """
+    from gantryctl.trace.comparison import difference, differences, motion_begins_s
+    from gantryctl.trace.figure import check_picture, chosen, draw, save
+    from gantryctl.trace.reader import read_trace
+
+    if out is not None:
+        need("matplotlib")
+        check_picture(out)
+    a, b = read_trace(first), read_trace(second)
+    begins = [motion_begins_s(trace) if align == "motion" else None for trace in (a, b)]
+    # A recording without a motion has its first row instead.
+    aligned = None not in begins
+    begins_s = [
+        begin if aligned and begin is not None else float(trace.time_s[0]) if len(trace) else 0.0
+        for begin, trace in zip(begins, (a, b), strict=True)
+    ]
+    shift_s = begins_s[0] - begins_s[1]
+    found = difference(a, b, shift_s)
+    rows = differences(found)
+    if as_json:
+        print_json(
+            {
+                "first": str(first),
+                "second": str(second),
+                "aligned_by": "motion" if aligned else "start",
+                "shift_s": shift_s,
+                "from_s": float(found.time_s[0]),
+                "to_s": float(found.time_s[-1]),
+                "columns": [row._asdict() for row in rows],
+            }
+        )
+    else:
+        what = "the first motion" if aligned else "the first row"
+        click.echo(
+            f"{second} minus {first}, {what} of both at {begins_s[0]:.3f} s; "
+            f"from {found.time_s[0]:.3f} s to {found.time_s[-1]:.3f} s"
+        )
+        width = max(len(row.name) for row in rows)
+        click.echo(f"\n{'column':{width}}  {'largest':>12}  {'at':>12}  {'r.m.s.':>12}  shown in")
+        for row in rows:
+            cells = (row.largest, row.time_s, row.rms)
+            shown = "  ".join(f"{'-' if value is None else format(value, '.6g'):>12}" for value in cells)
+            click.echo(f"{row.name:{width}}  {shown}  {row.unit}".rstrip())
+    if out is not None:
+        names = [name.strip() for name in (columns or "").split(",") if name.strip()]
+        usual = [name for name in _COMPARED if name in found]
+        save(draw(found, chosen(found, names or usual), f"{second.name} minus {first.name}"), out)
+        if not as_json:
+            click.echo(f"wrote {out}")
 
 
 @trace.command()
@@ -213,8 +319,11 @@ def export(file: Path, kind: str, degrees: bool, every_scan: bool, out: Path | N
     Parquet is for a recording that was never closed, or to have it in degrees.
     """
     from gantryctl.errors import UsageError
+    from gantryctl.files import check_place
     from gantryctl.trace.reader import read_trace
 
+    if out is not None:
+        check_place(out)
     recording = read_trace(file)
     out = out or _beside(file, ("_deg." if degrees else ".") + kind)
     # The file would be truncated before it is read to its end.

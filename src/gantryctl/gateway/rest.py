@@ -14,7 +14,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from gantryctl.errors import DeviceError
+from gantryctl.errors import GantryctlError
 from gantryctl.gateway.access import Access, person
 from gantryctl.gateway.guard import error
 from gantryctl.gateway.routes import API, NUMBER_MAX, ROUTES, openapi
@@ -115,7 +115,7 @@ class Rest:
         after, limit = map(int, asked.values())
         try:
             rows = await asyncio.to_thread(read_journal, self._directory, after, min(limit, JOURNAL_MAX))
-        except DeviceError as fault:
+        except GantryctlError as fault:
             return error(503, refusal(Code.JRN_02, reason=str(fault)))
         self._log(request, f"journal was read from {after}")
         lines = [json.dumps({"seq": row.seq, **row.values, "hash": row.hash}) + "\n" for row in rows]

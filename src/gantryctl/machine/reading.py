@@ -63,12 +63,13 @@ def read_text(path: Path, when_missing: str = "; `gantryctl config init` writes 
 def _decode(raw: bytes, name: str) -> str:
     if len(raw) > MAX_BYTES:
         raise ConfigError([f"{name}: is larger than {MAX_BYTES // 1024} KB, so it is no file of this kind"])
-    if raw.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
-        raise ConfigError([f"{name}: begins with a byte-order mark; save it as UTF-8 without one"])
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise ConfigError([f"{name}: is UTF-16 text, as its byte-order mark says; save it as UTF-8"])
     if b"\0" in raw:
         raise ConfigError([f"{name}: is binary (a zero byte at {raw.index(0)}), not a TOML text"])
     try:
-        return raw.decode("utf-8")
+        # Editors of Windows put a byte-order mark before UTF-8.
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise ConfigError([f"{name}: line {line}: byte 0x{raw[error.start]:02x} is not UTF-8 text"]) from None
@@ -78,7 +79,7 @@ def parse_toml(text: str, name: str) -> Data:
     """Parse TOML text into tables, numbers, strings and arrays of bounded depth."""
     name = printable(name, 300)
     try:
-        _decode(text.encode("utf-8"), name)
+        text = _decode(text.encode("utf-8"), name)
     except UnicodeEncodeError:
         raise ConfigError([f"{name}: is not a text that UTF-8 can hold"]) from None
     for number, line in enumerate(text.split("\n"), start=1):

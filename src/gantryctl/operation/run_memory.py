@@ -139,7 +139,15 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
     """The alarms of this run for the record, and the code that holds the axis, or ""."""
     when = now_text()
     alarms = tuple(
-        AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, _known(alarm.pos_rad))
+        AlarmEntry(
+            str(alarm.code),
+            alarm.text,
+            when,
+            alarm.time_s,
+            _known(alarm.pos_rad),
+            severity=alarm.severity.value,
+            follows=str(alarm.follows or ""),
+        )
         for alarm in axis.alarms.history
         if not (failed_before and alarm.code is Code.BRK_08 and alarm.scan == 0)  # known from an earlier run
     )
@@ -150,7 +158,10 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
         return alarms, ""
     # What the program has not raised itself: a power-up that did not end, a drive that left.
     code = end.alarm.code
-    return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, _angle_rad(axis))), code
+    return (
+        *alarms,
+        AlarmEntry(code, str(end.alarm), when, end.time_s, _angle_rad(axis), severity="STOP"),
+    ), code
 
 
 def _angle_rad(axis: Axis) -> float | None:

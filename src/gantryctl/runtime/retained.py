@@ -24,6 +24,8 @@ class AlarmEntry:
         pos_act_rad: angle of the gantry at the alarm, motor side, rad.
         vel_act_rad_s: speed of the gantry at the alarm, motor side, rad/s.
         torque_act_nm: motor torque at the alarm, N m.
+        severity: INFO, WARNING, REFUSED or STOP; "" where the memory is older than this field.
+        follows: code of the alarm that had stopped the axis before, or "".
     """
 
     code: str
@@ -33,6 +35,8 @@ class AlarmEntry:
     pos_act_rad: float | None = None
     vel_act_rad_s: float | None = None
     torque_act_nm: float | None = None
+    severity: str = ""
+    follows: str = ""
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,7 @@ _ADDED: Final = {
     "brake_plus_nm": None, "brake_minus_nm": None,
     "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0, "doubted_by": "",
 }  # fmt: skip
+_ADDED_TO_ALARMS: Final = {"severity": "", "follows": ""}
 
 
 def to_json_values(record: Retained) -> dict[str, object]:
@@ -123,6 +128,7 @@ def from_json_values(values: Mapping[str, object]) -> Retained:
     alarms = values.get("alarms")
     if not isinstance(alarms, list) or not all(isinstance(alarm, dict) for alarm in alarms):
         raise StateError("alarms: must be a list of records")
+    alarms = [{**_ADDED_TO_ALARMS, **alarm} for alarm in alarms]
     for alarm in alarms:
         _check(AlarmEntry, alarm)
     flat = {**values, "alarms": tuple(AlarmEntry(**alarm) for alarm in alarms)}

@@ -6,13 +6,15 @@ matplotlib is imported where it is used; no window is ever opened.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
-from gantryctl.errors import DeviceError, UsageError
+from gantryctl.errors import UsageError
+from gantryctl.files import check_place, unwritable
 from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
 from gantryctl.trace.files import Floats
 from gantryctl.trace.thinning import drawn
@@ -183,8 +185,14 @@ def chosen(trace: Drawable, columns: Sequence[str]) -> list[Panel]:
     return panels
 
 
-def draw(trace: Drawable, panels: Sequence[Panel], title: str) -> Figure:
-    """Draw the diagrams below each other over one time axis."""
+def draw(
+    trace: Drawable, panels: Sequence[Panel], title: str, marks: Mapping[str, float] = MappingProxyType({})
+) -> Figure:
+    """Draw the diagrams below each other over one time axis.
+
+    Args:
+        marks: times in s that all diagrams show, by what is written beside the line of the first.
+    """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -199,6 +207,16 @@ def draw(trace: Drawable, panels: Sequence[Panel], title: str) -> Figure:
         all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axes, panel in zip(all_axes, panels, strict=True):
             _draw_panel(axes, trace[TIME_COLUMN], panel)
+            for time_s in marks.values():
+                axes.axvline(time_s, color="#000000", lw=0.8, ls="--")
+        for text, time_s in marks.items():
+            all_axes[0].annotate(
+                text,
+                (time_s, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(3.0, -9.0),
+                textcoords="offset points",
+            )
         all_axes[-1].set_xlabel("time in s")
         all_axes[-1].set_xlim(trace.time_s[0], max(trace.time_s[-1], trace.time_s[0] + 1e-9))
         figure.suptitle(title, fontsize=11.0, x=0.01, ha="left")
@@ -236,8 +254,7 @@ class Picture:
         """Write PNG or SVG, as the name ends.
 
         Raises:
-            UsageError: another ending.
-            DeviceError: the file cannot be written.
+            UsageError: another ending, or no place of this name. DeviceError: the disk does not take it.
         """
         save(self.figure, Path(path))
 
@@ -245,21 +262,29 @@ class Picture:
         return _drawn(self.figure, ".png", dpi=100)
 
 
+def check_picture(path: Path) -> None:
+    """Refuse a name by which no picture can be written.
+
+    Raises:
+        UsageError: another ending, or no place of this name.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise UsageError(f"{path}: pictures are written as {', '.join(FORMATS)}")
+    check_place(path)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as PNG or SVG, as the name ends.
 
     Raises:
-        UsageError: another ending.
-        DeviceError: the file cannot be written.
+        UsageError: another ending, or no place of this name. DeviceError: the disk does not take it.
     """
-    suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise UsageError(f"{path}: pictures are written as {', '.join(FORMATS)}")
-    content = _drawn(figure, suffix, dpi=150)
+    check_picture(path)
+    content = _drawn(figure, path.suffix.lower(), dpi=150)
     try:
         path.write_bytes(content)
     except OSError as fault:
-        raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+        raise unwritable(path, fault) from fault
 
 
 def _drawn(figure: Figure, suffix: str, dpi: int) -> bytes:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gantryctl.errors import DeviceError
-from gantryctl.files import replacing
+from gantryctl.files import replacing, unwritable
 
 Floats: TypeAlias = NDArray[np.float64]
 Metadata: TypeAlias = Mapping[str, "str | int | float | bool | None"]
@@ -134,7 +134,7 @@ def write_csv(path: Path, columns: Mapping[str, Floats]) -> None:
     """Write columns as CSV: a header line, numbers in the shortest form that reads back to the same value.
 
     Raises:
-        DeviceError: the file cannot be written.
+        UsageError: there is no place of this name. DeviceError: the disk does not take it.
     """
     import pyarrow as pa
     import pyarrow.csv as pa_csv
@@ -146,4 +146,4 @@ def write_csv(path: Path, columns: Mapping[str, Floats]) -> None:
             file.write((",".join(columns) + "\n").encode())
             pa_csv.write_csv(pa.table(dict(columns)), file, options)
     except OSError as fault:
-        raise DeviceError(f"{path}: cannot be written: {fault}") from fault
+        raise unwritable(path, fault) from fault

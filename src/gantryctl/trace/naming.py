@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 # The number counts on beyond six digits; the date is for people.
-_NAME: Final = re.compile(r".+?-(\d{6,})-\d{8}T\d{9}")
+_NAME: Final = re.compile(r".+?-(\d{6,})-(\d{8}T\d{9})")
 
 
 def number_of(path: Path) -> int:
     """Number in the name of a recording; 0 where it has none, as older than all others."""
     found = _NAME.match(path.name)
     return int(found[1]) if found else 0
+
+
+def begun_at(path: Path) -> datetime | None:
+    """Date in the name of a recording, UTC; None where it has none."""
+    found = _NAME.match(path.name)
+    try:
+        return (
+            None
+            if found is None
+            else datetime.strptime(f"{found[2]}000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
+        )
+    except ValueError:
+        return None
 
 
 def oldest_first(paths: Iterable[Path]) -> list[Path]:

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gantryctl.errors import DeviceError
+from gantryctl.errors import UsageError
+from gantryctl.files import unreadable
 from gantryctl.trace.columns import SPACING_COLUMN
 from gantryctl.trace.files import METADATA_KEY, STREAM_END, Metadata
 from gantryctl.trace.table import Trace
@@ -29,8 +30,8 @@ def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
         columns: only these, in this order, and `spacing_s` of a recording that has it; all of them when None.
 
     Raises:
-        DeviceError: no such file, or not a recording of this program.
-        UsageError: it has no such column.
+        UsageError: no such file, not a recording of this program, or it has no such column.
+        DeviceError: the disk does not give it.
     """
     import pyarrow as pa
 
@@ -44,11 +45,11 @@ def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
             trace = _read_stream(path)
         else:
             content = "is empty" if not magic else "is neither an Arrow stream nor a Parquet file"
-            raise DeviceError(f"{path}: not a recording: the file {content}")
+            raise UsageError(f"{path}: not a recording: the file {content}")
     except (pa.ArrowException, OSError) as fault:
         if isinstance(fault, OSError) and fault.errno:
-            raise DeviceError(f"{path}: cannot be read: {fault.strerror}") from fault
-        raise DeviceError(f"{path}: damaged or cut off, nothing in it can be read: {fault}") from fault
+            raise unreadable(path, fault) from fault
+        raise UsageError(f"{path}: damaged or cut off, nothing in it can be read: {fault}") from fault
     if columns is None:
         return trace
     # Without it rows at rest would count like any other, and be taken for gaps.
@@ -90,21 +91,21 @@ def _read_stream(path: Path) -> Trace:
 
 
 def check_schema(path: Path, schema: Any) -> Metadata:
-    """Metadata of a recording; DeviceError when the file was not written by this program."""
+    """Metadata of a recording; UsageError when the file was not written by this program."""
     import pyarrow as pa
 
     text = (schema.metadata or {}).get(METADATA_KEY)
     if text is None:
-        raise DeviceError(f"{path}: not a recording of gantryctl: its metadata is missing")
+        raise UsageError(f"{path}: not a recording of gantryctl: its metadata is missing")
     strange = [field.name for field in schema if field.type != pa.float64()]
     if strange:
-        raise DeviceError(f"{path}: not a recording of gantryctl: not a number: {', '.join(strange)}")
+        raise UsageError(f"{path}: not a recording of gantryctl: not a number: {', '.join(strange)}")
     try:
         metadata = json.loads(text)
     except ValueError as fault:
-        raise DeviceError(f"{path}: its metadata cannot be read: {fault}") from fault
+        raise UsageError(f"{path}: its metadata cannot be read: {fault}") from fault
     if not isinstance(metadata, dict):
-        raise DeviceError(f"{path}: its metadata cannot be read: no JSON object")
+        raise UsageError(f"{path}: its metadata cannot be read: no JSON object")
     return metadata
 
 
@@ -112,7 +113,7 @@ def _columns_of(path: Path, table: Any) -> dict[str, Any]:
     # Copies, not views: the file may be closed, removed or go on growing.
     for name, column in zip(table.column_names, table.columns, strict=True):
         if column.null_count:
-            raise DeviceError(f"{path}: not a recording of gantryctl: {name} has empty cells")
+            raise UsageError(f"{path}: not a recording of gantryctl: {name} has empty cells")
     return {
         name: np.concatenate([np.empty(0), *(chunk.to_numpy() for chunk in column.chunks)])
         for name, column in zip(table.column_names, table.columns, strict=True)

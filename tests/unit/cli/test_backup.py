@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.errors import StateError
+from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine
 from gantryctl.operation.store import SERVICE_SOCKET, StateStore, state_root
 from gantryctl.runtime import StateLock
@@ -213,7 +213,7 @@ def test_a_damaged_backup_is_refused_with_the_name_of_the_file_and_changes_nothi
             damaged[at] ^= 1
             Path("d.tar.gz").write_bytes(gzip.compress(bytes(damaged), 1))
             with pytest.raises(
-                StateError, match=re.escape(name) if at > entry.offset else "damaged|not a backup"
+                UsageError, match=re.escape(name) if at > entry.offset else "damaged|not a backup"
             ):
                 restore_backup(Path("d.tar.gz"), state_root())
     assert "b.tar.gz" not in cli("backup", "show", "d.tar.gz").out

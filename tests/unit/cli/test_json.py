@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -37,10 +38,10 @@ def prepare() -> None:
     """A machine with a move, a trace, an alarm, and files to look at."""
     done("sim", "reset", "--angle", "181")
     done("encoder", "set-zero", "--angle", "0", "--witness", "wrong mark")
-    assert cli("move", "3", "--out", "traces").code == 4  # into the limit switch, by the wrong mark
+    assert cli("move", "3").code == 4  # into the limit switch, by the wrong mark
     machine_file(Path("a.toml"), {})
     machine_file(Path("b.toml"), {"control.kvf": 0.9})
-    next(Path("traces").iterdir()).rename("run.parquet")
+    shutil.copy(next(Path().absolute().parent.rglob("*/traces/*.parquet")), "run.parquet")
 
 
 def campaign_file() -> None:
@@ -113,6 +114,9 @@ RUNS: dict[str, list[str]] = {
     "backup show": ["backup", "show", "old.tar.gz"],
     "backup restore": ["backup", "restore", "old.tar.gz"],
     "trace show": ["trace", "show", "run.parquet"],
+    "trace list": ["trace", "list"],
+    "trace compare": ["trace", "compare", "run.parquet", "run.parquet"],
+    "why": ["why"],
     "trace plot": ["trace", "plot", "run.parquet"],
     "trace export": ["trace", "export", "run.parquet", "--format", "csv"],
 }
@@ -128,7 +132,7 @@ def test_the_page_names_every_command_that_prints_json() -> None:
     [pytest.param(run, marks=[pytest.mark.can] if RUNS[run][-1] == str(CAN) else []) for run in RUNS],
 )
 def test_the_keys_are_those_of_the_page(command: str) -> None:
-    if command.split(maxsplit=1)[0] in ("status", "alarms", "reset", "retain", "trace", "config"):
+    if command.split(maxsplit=1)[0] in ("status", "alarms", "reset", "retain", "trace", "config", "why"):
         prepare()
     Path("table.csv").write_text(
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"

@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
-from gantryctl.errors import DeviceError, UsageError
+from gantryctl.errors import UsageError
 from gantryctl.trace.frames.files import SUFFIXES, FrameFile, check_log_name, read_alarms, read_frames
 from gantryctl.trace.frames.recorder import AFTER_S, BEFORE_S, FROZEN_KEPT, FrameRecorder
 from gantryctl.trace.frames.ring import BusFrame, FrameRing, tells_telegrams
@@ -126,7 +126,7 @@ def test_a_log_of_another_program_may_hold_what_is_no_data_frame(tmp_path: Path)
 def test_a_damaged_file_is_named(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name
     path.write_bytes(content)
-    with pytest.raises(DeviceError, match=name):
+    with pytest.raises(UsageError, match=name):
         list(read_frames(path))
 
 

@@ -208,15 +208,15 @@ def test_whole_blocks_of_different_size_become_the_right_groups(tmp_path: Path) 
 def test_a_file_that_is_no_recording_says_so(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "x.parquet"
     path.write_bytes(content)
-    with pytest.raises(DeviceError, match=message) as caught:
+    with pytest.raises(UsageError, match=message) as caught:
         read_trace(path)
     assert str(caught.value).startswith(str(path))
 
 
 def test_a_missing_file_and_a_directory_are_named(tmp_path: Path) -> None:
-    with pytest.raises(DeviceError, match="No such file"):
+    with pytest.raises(UsageError, match="No such file"):
         read_trace(tmp_path / "missing")
-    with pytest.raises(DeviceError, match="Is a directory"):
+    with pytest.raises(UsageError, match="Is a directory"):
         read_trace(tmp_path)
 
 
@@ -224,7 +224,7 @@ def test_a_closed_recording_that_was_cut_off_is_refused(tmp_path: Path) -> None:
     recorder = recorded(tmp_path / "x", rows(1000))
     recorder.close()
     recorder.path.write_bytes(recorder.path.read_bytes()[:-20])
-    with pytest.raises(DeviceError, match="damaged or cut off"):
+    with pytest.raises(UsageError, match="damaged or cut off"):
         read_trace(recorder.path)
 
 
@@ -248,5 +248,5 @@ def test_somebody_elses_file_is_refused(tmp_path: Path, table: pa.Table, message
     with pa.ipc.new_stream(tmp_path / "x.arrows", table.schema) as stream:
         stream.write_table(table)
     for name in ("x.parquet", "x.arrows"):
-        with pytest.raises(DeviceError, match=message):
+        with pytest.raises(UsageError, match=message):
             read_trace(tmp_path / name)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gantryctl.errors import DeviceError, UsageError
+from gantryctl.errors import UsageError
 from gantryctl.trace.files import Floats
 from gantryctl.trace.reader import read_trace
 from gantryctl.trace.table import Trace, TraceHash
@@ -111,5 +111,5 @@ def test_export_to_csv_has_one_header_line_and_exact_numbers(tmp_path: Path) -> 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     for write in (example().to_csv, example().to_parquet):
-        with pytest.raises(DeviceError, match="nowhere"):
+        with pytest.raises(UsageError, match="nowhere"):
             write(tmp_path / "nowhere" / "x")

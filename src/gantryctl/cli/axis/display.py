@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import click
 
 from gantryctl.cli.options import print_json
+from gantryctl.cli.text import mute
 from gantryctl.errors import CommandRefused, GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation.client import MotionReport, Snapshot
@@ -137,11 +136,14 @@ def _speed_hint(machine: Machine, s: MotionSummary, report: MotionReport | None)
 class Display:
     """A live line on a terminal, a plain log line now and then elsewhere, nothing where JSON is asked for.
 
+    Args:
+        log_every_s: time of the axis between two lines of a log.
+
     Without a reader (terminal lost, pipe closed) `show` raises, and the run stops the axis.
     """
 
-    def __init__(self, machine: Machine, *, enabled: bool) -> None:
-        self._machine, self._enabled = machine, enabled
+    def __init__(self, machine: Machine, *, enabled: bool, log_every_s: float = _LOG_EVERY_S) -> None:
+        self._machine, self._enabled, self._log_every_s = machine, enabled, log_every_s
         self._live = enabled and sys.stdout.isatty()
         self._next_s = 0.0
         self._shown = False
@@ -156,7 +158,7 @@ class Display:
         # A plain log (a file, a pipe) gets a line now and then, a terminal one that is written over.
         if not self._enabled or (not self._live and snapshot.time_s < self._next_s):
             return
-        self._next_s = snapshot.time_s + _LOG_EVERY_S
+        self._next_s = snapshot.time_s + self._log_every_s
         dial = self._machine.axis.dial
         try:
             if self._live:
@@ -174,15 +176,6 @@ class Display:
         """Leave the live line."""
         if self._live and self._shown:
             click.echo()
-
-
-def mute() -> None:
-    """Send what still comes to nowhere: standard output has no reader any more."""
-    # ValueError: standard output is no file. Python writes what it still buffers when it ends, and would complain.
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
 
 
 def live_line(s: Snapshot, dial: Dial) -> str:

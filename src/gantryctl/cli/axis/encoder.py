@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 from gantryctl.cli.options import (
-    FINITE,
     bus_log_option,
     config_option,
     json_option,
@@ -15,6 +14,7 @@ from gantryctl.cli.options import (
     print_done,
     print_json,
 )
+from gantryctl.cli.values import FINITE
 
 
 @click.group()

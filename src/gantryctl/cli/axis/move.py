@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import click
 
 from gantryctl.cli.options import (
-    FINITE,
     SignedCommand,
     bus_log_option,
     config_option,
@@ -27,6 +26,7 @@ from gantryctl.cli.options import (
     take_over_option,
     to_service,
 )
+from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession

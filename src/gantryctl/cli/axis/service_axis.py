@@ -154,6 +154,27 @@ class ServiceAxis:
 
     # --- commands ------------------------------------------------------------------------------------------------
 
+    def switch(self, on: bool) -> bool:
+        """Switch power and leave it so; return whether that changed anything.
+
+        Raises:
+            CommandRefused: somebody else has control, or it moves. AlarmStop: an alarm ended it.
+        """
+        try:
+            self.take()
+            if bool(self.tags["power"]) is on and self.tags["power_phase"] == ("on" if on else "off"):
+                return False
+            self._link.ask("power", on=on)
+            self._wait(lambda tags: tags["power_phase"] == "off" or (on and bool(tags["power"])))
+            self._raise_alarm()
+            if on and not self.tags["power"]:
+                raise CommandRefused(
+                    f"power stays off: {self.tags['blocked_by'] or 'it was switched off again'}"
+                )
+            return True
+        finally:
+            self.close("power")
+
     def power_up(self) -> None:
         """Power on, unless it is on."""
         self.take()

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import math
+from typing import Final
+
 import click
 
+from gantryctl.cli.axis.display import Display
 from gantryctl.cli.axis.service_axis import SHOWN_FRAMES, Tags, brake_due, directory_of, held_codes
+from gantryctl.cli.options import stop_signals
 from gantryctl.machine import Machine
+from gantryctl.operation.client import Snapshot
 from gantryctl.operation.proofs import ledger_shown
 from gantryctl.operation.state import MachineStatus
 from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.units import deg, rad
+
+# Time of the axis between two lines of `status --watch`, where it is no line on a terminal.
+WATCH_S: Final = 1.0
 
 
 def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
@@ -36,6 +46,35 @@ def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
         ledger=ledger_shown(machine, directory_of(machine)),
     )
     return status, tags
+
+
+def watch_service(machine: Machine, *, as_json: bool) -> None:
+    """Show the axis of the service until Ctrl-C: a live line, lines in a log, or a JSON object a line."""
+    ended = False
+
+    def end() -> None:
+        nonlocal ended
+        ended = True
+
+    display = Display(machine, enabled=not as_json, log_every_s=WATCH_S)
+    next_s = -math.inf
+    with stop_signals(end), ServiceLink(directory_of(machine)) as link:
+        while not ended:
+            tags = link.look()
+            if as_json and tags["time_s"] >= next_s:
+                next_s = tags["time_s"] + WATCH_S
+                click.echo(json.dumps(tags, allow_nan=False))
+            display.show(
+                Snapshot(
+                    tags["time_s"],
+                    tags["pos_act_deg"],
+                    tags["vel_act_deg_s"],
+                    tags["pos_err_deg"],
+                    tags["axis_state"].replace("_", " "),
+                    tags["time_left_s"] or None,
+                )
+            )
+    display.end()
 
 
 def service_rows(tags: Tags) -> list[tuple[str, str]]:
@@ -69,7 +108,15 @@ def service_alarms(machine: Machine) -> tuple[list[AlarmEntry], list[str]]:
         tags = link.tags
     # The service keeps its memory at power-off: alarms since then are in the tags alone, others in both.
     fresh = [
-        AlarmEntry(row["code"], row["text"], row["at"], row["time_s"], _rad(row["pos_act_deg"]))
+        AlarmEntry(
+            row["code"],
+            row["text"],
+            row["at"],
+            row["time_s"],
+            _rad(row["pos_act_deg"]),
+            severity=row["severity"],
+            follows=row["follows"],
+        )
         for row in tags["alarm_history"]
     ]
     known = {(alarm.code, round(alarm.time_s, 6), alarm.text) for alarm in fresh}

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.options import (
-    FINITE,
     config_option,
     json_option,
     machine_of,
@@ -19,6 +18,7 @@ from gantryctl.cli.options import (
     take_over_option,
     to_service,
 )
+from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
@@ -30,9 +30,19 @@ if TYPE_CHECKING:
 @config_option
 @json_option
 @service_option
-def status(config_file: Path | None, as_json: bool, service: bool) -> int:
-    """Where the axis stands, what holds it, and what the last command did."""
+@click.option("--watch", is_flag=True, help="Go on showing the axis of the running service until Ctrl-C.")
+def status(config_file: Path | None, as_json: bool, service: bool, watch: bool) -> int:
+    """Where the axis stands, what holds it, and what the last command did.
+
+    --watch shows one line that goes on changing; where nobody looks at a terminal, or with --json, a line a second.
+    """
     machine = machine_of(config_file)
+    if watch:
+        from gantryctl.cli.axis.service_state import watch_service
+
+        # Without a service nothing changes between two commands.
+        watch_service(machine, as_json=as_json)
+        return 0
     tags, more = None, []
     if to_service(service, config_file):
         from gantryctl.cli.axis.service_state import service_rows, service_status

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gantryctl.cli.options import directory, json_option, number_option, out_option, print_json
+from gantryctl.cli.values import Whole
 
 if TYPE_CHECKING:
     from gantryctl.engineering.bench.figures import Figure
@@ -23,7 +24,7 @@ _SCALE_MAX: Final = 10.0
 @click.argument("groups", nargs=-1, type=click.Choice(_GROUPS))
 @click.option(
     "--repeats",
-    type=click.IntRange(1, 100),
+    type=Whole(1, 100),
     default=5,
     show_default=True,
     help="Turns of each job; medians count.",

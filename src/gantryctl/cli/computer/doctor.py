@@ -7,7 +7,8 @@ from typing import Final
 
 import click
 
-from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, number_option, print_json
+from gantryctl.cli.options import config_option, json_option, machine_of, number_option, print_json
+from gantryctl.cli.values import FINITE
 
 # With a drive in this process or on a fast bus, and with a drive on CAN (docs/reference/canopen.md).
 _PERIODS_MS: Final = (1.0, 4.0)

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from gantryctl.cli.options import (
-    FINITE,
-    PATH,
-    bus_log_option,
-    config_option,
-    json_option,
-    machine_of,
-    print_json,
-)
+from gantryctl.cli.options import bus_log_option, config_option, json_option, machine_of, print_json
+from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.decoding.decoder import DecodedFrame
@@ -39,8 +33,8 @@ def can() -> None:
     "--can", "interface", help="python-can interface; [can] interface of the machine file when not given."
 )
 @click.option("--channel", help="Channel of the interface; [can] channel when not given.")
-@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), help="Where the interface sets it.")
-@click.option("--eds", "eds_file", type=PATH, help="Compare vendor and product with this EDS.")
+@click.option("--bitrate", type=Whole(10_000, 1_000_000), help="Where the interface sets it.")
+@click.option("--eds", "eds_file", type=INPUT, help="Compare vendor and product with this EDS.")
 @json_option
 def scan(
     config_file: Path | None,
@@ -143,9 +137,7 @@ def _data(node: Found, promised: tuple[int | None, int | None] | None) -> dict[s
     type=PATH,
     help="EDS or DCF of the drive: objects of telegrams that the log does not tell.",
 )
-@click.option(
-    "--node", "nodes", type=click.IntRange(1, 127), multiple=True, help="Only this node; may be repeated."
-)
+@click.option("--node", "nodes", type=Whole(1, 127), multiple=True, help="Only this node; may be repeated.")
 @click.option(
     "--kind", "kinds", type=click.Choice(KINDS), multiple=True, help="Only these frames; may be repeated."
 )
@@ -197,10 +189,12 @@ def log(
             }
         )
         return 0
+    # Before anything is printed: a file that is no log is found at its first frame.
+    first = next(shown, None)
     click.echo(str(path))
     for code, at_s in alarms:
         click.echo(f"{at_s - alarms[0][1]:+12.4f}  {code}")
-    for time_s, each in shown:
+    for time_s, each in () if first is None else chain((first,), shown):
         way = "sent" if each.frame.sent else "got"
         who = "" if each.node is None else f"node {each.node}"
         click.echo(

@@ -14,14 +14,8 @@ from gantryctl.cli.drive.gains import gains
 from gantryctl.cli.drive.node import drive_node
 from gantryctl.cli.drive.profiles import profiles
 from gantryctl.cli.drive.saving import save
-from gantryctl.cli.options import (
-    PATH,
-    bus_log_option,
-    config_option,
-    json_option,
-    print_json,
-    write_text,
-)
+from gantryctl.cli.options import bus_log_option, config_option, json_option, print_json, write_text
+from gantryctl.cli.values import INPUT
 
 if TYPE_CHECKING:
     from gantryctl.drives.od.model import DeviceDescription
@@ -113,7 +107,7 @@ def diff(config_file: Path | None, as_json: bool) -> int:
 @drive.command()
 @bus_log_option
 @config_option
-@click.option("--eds", "eds_file", type=PATH, help="Which objects there are; [can] eds when not given.")
+@click.option("--eds", "eds_file", type=INPUT, help="Which objects there are; [can] eds when not given.")
 @json_option
 def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> int:
     """Read the objects of an EDS from the drive; without one, those of a CSV axis."""
@@ -132,8 +126,8 @@ def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> i
 @drive.command()
 @bus_log_option
 @config_option
-@click.option("--eds", "eds_file", type=PATH, help="Which objects there are; [can] eds when not given.")
-@click.argument("file", type=PATH)
+@click.option("--eds", "eds_file", type=INPUT, help="Which objects there are; [can] eds when not given.")
+@click.argument("file", type=INPUT)
 def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
     """Read every writable object from the drive into FILE (JSON)."""
     from gantryctl.drives.canopen.setup.parameters import backup as read_all
@@ -149,7 +143,7 @@ def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
 @bus_log_option
 @config_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
-@click.argument("file", type=PATH)
+@click.argument("file", type=INPUT)
 def restore(config_file: Path | None, yes: bool, file: Path) -> int:
     """Write the values of a backup to the drive and read them back; refused while it is enabled.
 
@@ -181,7 +175,7 @@ def _backup_file(file: Path) -> dict[str, Any]:
     from gantryctl.errors import UsageError
 
     try:
-        return check_backup(json.loads(file.read_text(encoding="utf-8")))
+        return check_backup(json.loads(file.read_text(encoding="utf-8-sig")))
     except OSError as fault:
         raise UsageError(f"{file}: cannot be read: {fault.strerror or fault}") from None
     except ValueError as fault:

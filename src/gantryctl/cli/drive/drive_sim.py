@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import FINITE, PATH, config_option, machine_of, stop_signals, write_text
+from gantryctl.cli.options import config_option, machine_of, stop_signals, write_text
+from gantryctl.cli.values import FINITE, PATH, Whole
 
 if TYPE_CHECKING:
     import threading
@@ -23,10 +24,8 @@ if TYPE_CHECKING:
 @config_option
 @click.option("--can", "interface", help="python-can interface: socketcan, udp_multicast, slcan, pcan ...")
 @click.option("--channel", help="Channel of the interface: can0, a multicast address, a serial port ...")
-@click.option(
-    "--bitrate", type=click.IntRange(10_000, 1_000_000), help="Bit rate, where the interface sets it."
-)
-@click.option("--node", "node_id", type=int, default=2, show_default=True, help="Node id, 1 to 127.")
+@click.option("--bitrate", type=Whole(10_000, 1_000_000), help="Bit rate, where the interface sets it.")
+@click.option("--node", "node_id", type=Whole(1, 127), default=2, show_default=True, help="Node id.")
 @click.option(
     "--personality", "names", multiple=True, help="Quirk of a drive model; may be repeated. See --list."
 )
@@ -58,9 +57,6 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
         _list()
         return 0
     kind = _kind(given)
-    node_id = given["node_id"]
-    if not 1 <= node_id <= 127:
-        raise UsageError(f"--node {node_id}: CANopen has node ids 1 to 127")
     if eds_file is not None:
         _write_eds(eds_file, given["config_file"], kind)
         return 0

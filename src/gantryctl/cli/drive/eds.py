@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import config_option, json_option, machine_of, print_json
+from gantryctl.cli.values import INPUT, Whole
 
 if TYPE_CHECKING:
     from gantryctl.drives.od.facts import DriveFacts
@@ -21,11 +22,9 @@ def eds() -> None:
 
 
 @eds.command()
-@click.argument("file", type=PATH)
+@click.argument("file", type=INPUT)
 @config_option
-@click.option(
-    "--node", "node_id", type=click.IntRange(1, 127), help="Node id that values of a DCF are wanted for."
-)
+@click.option("--node", "node_id", type=Whole(1, 127), help="Node id that values of a DCF are wanted for.")
 @json_option
 def check(file: Path, config_file: Path | None, node_id: int | None, as_json: bool) -> int:
     """Say of the drive in FILE what `gantryctl commission` will say of it: the ledger of the machine, row by row.

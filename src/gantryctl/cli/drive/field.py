@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import config_option, json_option, machine_of, print_json
+from gantryctl.cli.values import INPUT, Whole
 
 if TYPE_CHECKING:
     from gantryctl.commissioning.field import FieldDrive
@@ -16,11 +17,16 @@ if TYPE_CHECKING:
 @click.command("field")
 @config_option
 @click.option(
-    "--objects", "file", type=PATH, help="EDS, DCF or object table (CSV); the delivered table when not given."
+    "--objects",
+    "file",
+    type=INPUT,
+    help="EDS, DCF or object table (CSV); the delivered table when not given.",
 )
 @click.option("--drive", "model", default="", help="Only the drive whose name begins so.")
 @click.option("--short", is_flag=True, help="Without the steps that need the whole travel; then none counts.")
-@click.option("--least", type=int, default=0, help="Exit code 1 when fewer can be commissioned as they are.")
+@click.option(
+    "--least", type=Whole(0), default=0, help="Exit code 1 when fewer can be commissioned as they are."
+)
 @json_option
 def field(
     config_file: Path | None, file: Path | None, model: str, short: bool, least: int, as_json: bool

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.drive.node import drive_node, profile_of_node
-from gantryctl.cli.options import FINITE, bus_log_option, config_option, json_option, print_json
+from gantryctl.cli.options import bus_log_option, config_option, json_option, print_json
+from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.setup.gains import GainChange, GainReading

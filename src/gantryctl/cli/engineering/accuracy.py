@@ -19,8 +19,6 @@ from gantryctl.cli.engineering.experiment import (
 )
 from gantryctl.cli.engineering.measure import measure
 from gantryctl.cli.options import (
-    FINITE,
-    PATH,
     bus_log_option,
     choice_option,
     config_option,
@@ -37,6 +35,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.extras import need
+from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
 from gantryctl.units import SIGNED
 
 if TYPE_CHECKING:
@@ -63,16 +62,14 @@ accuracy.add_command(measure)
     "--procedure", "name", type=click.Choice(["A", "B", "C", "D", "E"]), default="A", show_default=True
 )
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
-@click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
+@click.option("--runs", type=Whole(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
 @plan_options
 @speeds_option
-@click.option(
-    "--ensemble", type=click.IntRange(0, 100_000), default=0, help="Number of random gears beside it."
-)
+@click.option("--ensemble", type=Whole(0, 100_000), default=0, help="Number of random gears beside it.")
 @click.option("--radius-m", type=FINITE, help="Chord radius; [accuracy] chord_radius_m when not given.")
 @click.option("--noise-um", type=FINITE, help="Tracker noise per coordinate; [accuracy] tracker_noise_um.")
 @click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="The speed test as well.")
-@click.option("--threads", type=click.IntRange(1, 256), help="For the ensemble; no effect on the result.")
+@click.option("--threads", type=Whole(1, 256), help="For the ensemble; no effect on the result.")
 @choice_option(
     "--instrument",
     ("tracker", "load-encoder", "motor-side"),
@@ -214,7 +211,7 @@ def _required(machine: Machine | None, required_deg: float | None) -> Requiremen
 @_judged_by
 @_required_option
 @click.option(
-    "--measured", type=PATH, required=True, help="CSV of an instrument: chords in mm or errors in deg."
+    "--measured", type=INPUT, required=True, help="CSV of an instrument: chords in mm or errors in deg."
 )
 @click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
 @click.option(
@@ -273,7 +270,7 @@ def report(
 
 
 @accuracy.command()
-@click.argument("table", type=PATH)
+@click.argument("table", type=INPUT)
 @_judged_by
 @_required_option
 @click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")

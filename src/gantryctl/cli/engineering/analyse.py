@@ -9,7 +9,6 @@ import click
 
 from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.options import (
-    FINITE,
     bus_log_option,
     choice_option,
     config_option,
@@ -23,6 +22,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.extras import need
+from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
     from gantryctl.engineering.analysis.measured.response import MeasuredResponse

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from gantryctl.cli.options import FINITE, Option
+from gantryctl.cli.options import Option
+from gantryctl.cli.values import FINITE, number_of
 
 if TYPE_CHECKING:
     from gantryctl.engineering.instruments import Instrument
@@ -119,7 +120,7 @@ class Typed:
         if not line:
             raise InstrumentError("no reading: the input has ended")
         try:
-            return float(line.strip().replace(",", "."))
+            return number_of(line.strip().replace(",", "."))
         except ValueError:
             raise InstrumentError(f"{line.strip()[:40]!r} is no angle in deg") from None
 

@@ -17,7 +17,6 @@ from gantryctl.cli.engineering.at_the_load import (
 )
 from gantryctl.cli.engineering.experiment import asking, instrument_at, yes_option
 from gantryctl.cli.options import (
-    PATH,
     bus_log_option,
     directory,
     json_option,
@@ -30,6 +29,7 @@ from gantryctl.cli.options import (
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.extras import need
+from gantryctl.cli.values import PATH, Whole
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
@@ -43,12 +43,10 @@ if TYPE_CHECKING:
 @click.argument("first", type=PATH, default=Path("paper"))
 @click.argument("second", type=PATH, default=Path("improved"))
 @click.option(
-    "--ensemble", "plants", type=click.IntRange(0, 100_000), default=0, show_default=True,
+    "--ensemble", "plants", type=Whole(0, 100_000), default=0, show_default=True,
     help="Random gears and +-20 % plants to compare on as well, each identified anew; 0 or at least 2.",
 )  # fmt: skip
-@click.option(
-    "--threads", type=click.IntRange(1, 1024), help="Default: all processors; no effect on the result."
-)
+@click.option("--threads", type=Whole(1, 1024), help="Default: all processors; no effect on the result.")
 @click.option(
     "--instrument",
     default=SIMULATED,

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from gantryctl.cli.engineering.at_the_load import BY_HAND, LOAD_ENCODER, SIMULATED, open_instrument
-from gantryctl.cli.options import FINITE, confirm, stop_signals
+from gantryctl.cli.options import confirm, stop_signals
+from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
     from gantryctl.engineering.instruments import Instrument

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import FINITE, PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import config_option, json_option, machine_of, print_json
 from gantryctl.cli.text import print_table
 from gantryctl.extras import need
+from gantryctl.cli.values import FINITE, INPUT, PATH
 
 if TYPE_CHECKING:
     from gantryctl.engineering.faults.case import FaultCase
@@ -65,7 +66,7 @@ def show(number: str, as_json: bool) -> None:
 @faults.command()
 @config_option
 @click.option("--fault", "number", help="Number of the catalogue, e.g. A2.")
-@click.option("--file", "file", type=PATH, help="Injections of a TOML or JSON file instead.")
+@click.option("--file", "file", type=INPUT, help="Injections of a TOML or JSON file instead.")
 @click.option(
     "--speed",
     type=FINITE,

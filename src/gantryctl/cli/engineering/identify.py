@@ -16,7 +16,6 @@ from gantryctl.cli.engineering.experiment import (
     yes_option,
 )
 from gantryctl.cli.options import (
-    PATH,
     bus_log_option,
     config_option,
     json_option,
@@ -26,6 +25,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.text import print_table
 from gantryctl.extras import need
+from gantryctl.cli.values import PATH, check_lasting
 
 if TYPE_CHECKING:
     from gantryctl.engineering.identification import CalibrationFit, Comparison
@@ -73,6 +73,7 @@ def identify(
     from gantryctl.machine import calibration_toml
 
     need("scipy")
+    check_lasting(config_file, "identify")
     machine = machine_under_test(config_file, "identify", calibrated=False)
     path = out or _usual_place(machine, config_file)
     # Before the axis has moved for minutes, not after them.

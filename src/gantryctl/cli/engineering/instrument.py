@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 from gantryctl.cli.options import (
-    PATH,
     config_option,
     json_option,
     machine_of,
@@ -15,6 +14,7 @@ from gantryctl.cli.options import (
     seed_option,
     stop_signals,
 )
+from gantryctl.cli.values import PATH, Whole
 
 
 @click.group()
@@ -48,9 +48,7 @@ def read(address: str, as_json: bool) -> int:
     "--control", type=PATH, required=True, help="Side channel of the virtual drive: drive sim --control."
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=4711, show_default=True, help="0 takes a free one."
-)
+@click.option("--port", type=Whole(0, 65535), default=4711, show_default=True, help="0 takes a free one.")
 @seed_option
 def sim(config_file: Path | None, control: Path, host: str, port: int, seed: int) -> int:
     """A simulated laser tracker that watches the load of a virtual drive, until Ctrl-C or SIGTERM.

@@ -31,6 +31,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import report_options
 from gantryctl.extras import need
+from gantryctl.cli.values import Whole
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession
@@ -52,7 +53,7 @@ _IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows t
     "--procedure", "name", type=click.Choice(["A", "B", "C", "D", "E"]), default="A", show_default=True
 )
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
-@click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
+@click.option("--runs", type=Whole(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
 @plan_options
 @instrument_options(default=BY_HAND)
 @click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")

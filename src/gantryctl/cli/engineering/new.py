@@ -16,7 +16,8 @@ from gantryctl.cli.drafting import (
     sheet_of,
     write_new,
 )
-from gantryctl.cli.options import PATH, json_option
+from gantryctl.cli.options import json_option
+from gantryctl.cli.values import PATH
 
 
 @click.command()
@@ -31,7 +32,7 @@ from gantryctl.cli.options import PATH, json_option
 def new(
     name: str,
     template_name: str | None,
-    answers_file: str | None,
+    answers_file: Path | None,
     options: tuple[str, ...],
     motor_files: tuple[Path, ...],
     gears: int,

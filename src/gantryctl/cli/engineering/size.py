@@ -9,7 +9,6 @@ import click
 
 from gantryctl.cli.drafting import answer_options, check_name, sheet_of, show_guesses, write_new
 from gantryctl.cli.options import (
-    PATH,
     config_option,
     directory,
     json_option,
@@ -20,6 +19,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
+from gantryctl.cli.values import INPUT, PATH
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -54,7 +54,7 @@ def size() -> None:
 def init(
     dest: Path,
     template_name: str | None,
-    answers_file: str | None,
+    answers_file: Path | None,
     options: tuple[str, ...],
     force: bool,
     as_json: bool,
@@ -79,8 +79,8 @@ def init(
 
 
 @size.command()
-@click.argument("files", nargs=-1, type=PATH, metavar="[SHEET] [MOTOR]...")
-@click.option("--motor", "motor_files", type=PATH, multiple=True, help="Motor file; may be repeated.")
+@click.argument("files", nargs=-1, type=INPUT, metavar="[SHEET] [MOTOR]...")
+@click.option("--motor", "motor_files", type=INPUT, multiple=True, help="Motor file; may be repeated.")
 @config_option
 @click.option(
     "--limits", is_flag=True, help="Print the tables of a machine file that follow, and nothing else."

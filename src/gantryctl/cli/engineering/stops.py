@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.options import (
-    FINITE,
     config_option,
     directory,
     json_option,
@@ -19,6 +18,7 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import print_table
+from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made

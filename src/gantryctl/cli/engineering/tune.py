@@ -24,6 +24,7 @@ from gantryctl.cli.options import (
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.extras import need
+from gantryctl.cli.values import check_lasting
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -97,6 +98,7 @@ def tune(
     from gantryctl.engineering.tuning.result import tune as run
 
     need("matplotlib")
+    check_lasting(config_file, "tune")
     machine = machine_under_test(config_file, "tune")
     criteria, conditions = _criteria(base_um), _conditions(sensitivity, damping_left)
     if machine.on_bus:

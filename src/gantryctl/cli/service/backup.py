@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import config_option, json_option, machine_of, print_json
+from gantryctl.cli.values import PATH
 
 if TYPE_CHECKING:
     from gantryctl.service.backup.archive import Manifest

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import config_option, json_option, machine_of, print_json
+from gantryctl.cli.values import INPUT, PATH, Whole
 
 if TYPE_CHECKING:
     from gantryctl.service.recorder.journal.chain import Anchor
@@ -27,9 +28,7 @@ def _directory(config_file: Path | None) -> Path:
 
 @journal.command("show")
 @config_option
-@click.option(
-    "--last", "count", type=click.IntRange(1, 100_000), default=20, show_default=True, help="How many."
-)
+@click.option("--last", "count", type=Whole(1, 100_000), default=20, show_default=True, help="How many.")
 @json_option
 def journal_show(config_file: Path | None, count: int, as_json: bool) -> int:
     """Show the newest events, oldest of them first."""
@@ -81,10 +80,10 @@ def journal_copy(config_file: Path | None, file: Path) -> int:
 
 @journal.command("verify")
 @config_option
-@click.option("--anchor", "anchor_file", type=PATH, help="Lines of `journal anchor` that must be true.")
+@click.option("--anchor", "anchor_file", type=INPUT, help="Lines of `journal anchor` that must be true.")
 @click.option("--file", type=PATH, help="Check this file: a copy, or one that was moved aside.")
 @click.option("--copy", "copy_file", type=PATH, help="Compare with this copy, event by event.")
-@click.option("--key", "key_file", type=PATH, help="Key of the journal, where it is not in its place.")
+@click.option("--key", "key_file", type=INPUT, help="Key of the journal, where it is not in its place.")
 @click.option("--without-key", is_flag=True, help="Check the chain only, not the seals.")
 @json_option
 def journal_verify(
@@ -164,12 +163,13 @@ def _anchors(file: Path) -> list[Anchor]:
         UsageError: it cannot be read, or one is no line of `journal anchor`.
     """
     from gantryctl.errors import UsageError
+    from gantryctl.files import unreadable
     from gantryctl.service.recorder.journal.chain import anchors_in
 
     try:
-        found = anchors_in(file.read_text(encoding="utf-8"))
+        found = anchors_in(file.read_text(encoding="utf-8-sig"))
     except OSError as fault:
-        raise UsageError(f"{file}: {fault.strerror or fault}") from fault
+        raise unreadable(file, fault) from fault
     except ValueError:
         raise UsageError(f"{file}: not lines of `gantryctl journal anchor`") from None
     if not found:
@@ -183,9 +183,12 @@ def _anchors(file: Path) -> list[Anchor]:
 def journal_export(config_file: Path | None, file: Path) -> int:
     """Write all events as JSON lines to FILE, with their hashes."""
     from gantryctl.errors import UsageError
+    from gantryctl.files import unwritable
     from gantryctl.service.recorder.journal.reading import read_journal
 
     directory, after, count = _directory(config_file), 0, 0
+    # Before a file is made for nothing.
+    read_journal(directory, limit=1)
     try:
         # Never over another export: it may be the only proof of events that were taken out since.
         with file.open("x", encoding="utf-8") as out:
@@ -196,5 +199,7 @@ def journal_export(config_file: Path | None, file: Path) -> int:
                 after, count = rows[-1].seq, count + len(rows)
     except FileExistsError:
         raise UsageError(f"{file}: is there already") from None
+    except OSError as fault:
+        raise unwritable(file, fault) from fault
     click.echo(f"{count} events in {file}")
     return 0

@@ -8,14 +8,15 @@ from typing import Any, TypeAlias
 
 import click
 
-from gantryctl.cli.options import PATH, LogPath, config_option, proven_machine
 from gantryctl.extras import need
+from gantryctl.cli.options import config_option, proven_machine
+from gantryctl.cli.values import PATH, LogPath, Whole, check_lasting
 
 Command: TypeAlias = Callable[..., Any]
 
 
 def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Command]:
-    whole = click.IntRange(0, 10_000_000)
+    whole = Whole(0, 10_000_000)
     return click.option(name, type=whole, default=default, show_default=True, metavar="MB", help=text)
 
 
@@ -42,7 +43,7 @@ def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Comman
 @_megabytes("--journal-size", 500, "The oldest events are taken out beyond this.")
 @click.option(
     "--journal-days",
-    type=click.IntRange(0, 36_500),
+    type=Whole(0, 36_500),
     default=0,
     metavar="DAYS",
     help="Events older than this are taken out; without it none is too old.",
@@ -58,7 +59,7 @@ def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Comman
 )
 @click.option(
     "--bus-log-size",
-    type=click.IntRange(1, 10_000_000),
+    type=Whole(1, 10_000_000),
     default=500,
     show_default=True,
     metavar="MB",
@@ -66,7 +67,7 @@ def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Comman
 )
 @click.option(
     "--bus-log-files",
-    type=click.IntRange(1, 10_000),
+    type=Whole(1, 10_000),
     default=8,
     show_default=True,
     help="How many of them are kept; the oldest are removed.",
@@ -100,6 +101,7 @@ def serve(
     from gantryctl.cli.service.serving import Listen, run_service
     from gantryctl.service.recorder.retention import RetentionPolicy
 
+    check_lasting(config_file, "serve")
     # A quick stop that motor or reducer cannot give is found before anything runs, not when it is needed.
     machine = proven_machine(config_file)
     # Loopback unless another address is named: then TLS and users are asked for (docs/explanation/security.md).

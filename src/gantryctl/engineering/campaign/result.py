@@ -133,7 +133,7 @@ class ResultFolder:
                     "limits": {name: tuple(limits) for name, limits in data["limits"].items()},
                 }
             )
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             raise UsageError(
                 f"{printable(self.path, 300)}: holds no result of a campaign; `gantryctl campaign run` makes one"
             ) from None

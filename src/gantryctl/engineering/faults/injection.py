@@ -144,7 +144,7 @@ def load_injections(path: Path) -> tuple[Injection, ...]:
     if len(content) > _MAX_BYTES:
         raise UsageError(f"{path}: {len(content)} bytes, at most {_MAX_BYTES} permitted")
     try:
-        text = content.decode()
+        text = content.decode("utf-8-sig")
         data = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
     except (ValueError, RecursionError) as wrong:
         raise UsageError(f"{path}: {wrong}") from None

@@ -54,7 +54,12 @@ def parse_address(text: str) -> Address:
     if kind == "serial" and rest and not colon:
         place, number = rest, str(_BAUD)
     highest = 65535 if kind == "tcp" else 4_000_000
-    if kind not in ("tcp", "serial") or not place or not number.isdecimal() or not 0 < int(number) <= highest:
+    if (
+        kind not in ("tcp", "serial")
+        or not place
+        or not (number.isascii() and number.isdecimal())
+        or not 0 < int(number) <= highest
+    ):
         raise UsageError(f"instrument {text!r}: must be tcp:HOST:PORT or serial:DEVICE:BAUD")
     return Address(kind == "serial", place, int(number))
 

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, Final, NamedTuple
 
-from gantryctl.errors import StateError
+from gantryctl.errors import UsageError
+from gantryctl.files import unwritable
 
 FORMAT: Final = "gantryctl backup, version 1"
 _MANIFEST: Final = "manifest.json"
@@ -64,14 +65,15 @@ def write_archive(path: Path, manifest: Manifest, folder: Path) -> None:
     """Write an archive of the files in a folder, for its owner alone.
 
     Raises:
-        StateError: there is such a file already, or the disk does not take it; then nothing is left of it.
+        UsageError: there is such a file already, or no place of this name.
+        DeviceError: the disk does not take it; nothing is left of it.
     """
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise StateError(f"{path}: is there already; a backup is never written over another one") from None
+        raise UsageError(f"{path}: is there already; a backup is never written over another one") from None
     except OSError as fault:
-        raise StateError(f"{path}: cannot be made: {fault.strerror or fault}") from fault
+        raise unwritable(path, fault) from fault
     try:
         with os.fdopen(handle, "wb") as file:
             with tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as tar:
@@ -85,7 +87,7 @@ def write_archive(path: Path, manifest: Manifest, folder: Path) -> None:
     except BaseException as fault:
         path.unlink(missing_ok=True)
         if isinstance(fault, OSError):
-            raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+            raise unwritable(path, fault) from fault
         raise
 
 
@@ -99,7 +101,7 @@ def read_manifest(path: Path) -> Manifest:
     """Read what a backup says of itself.
 
     Raises:
-        StateError: it is no backup, of another version, or damaged.
+        UsageError: it is no backup, of another version, or damaged.
     """
     with _opened(path, _MANIFEST) as tar:
         return _manifest(path, tar)
@@ -109,7 +111,7 @@ def extract(path: Path, folder: Path) -> Manifest:
     """Write all files into an empty folder, after each was compared with its hash; return the manifest.
 
     Raises:
-        StateError: the archive is damaged: the file in it is named. What is in the folder then is of no use.
+        UsageError: the archive is damaged: the file in it is named. What is in the folder then is of no use.
     """
     with _opened(path, _MANIFEST) as tar:
         manifest = _manifest(path, tar)
@@ -122,18 +124,18 @@ def extract(path: Path, folder: Path) -> Manifest:
                 name = next(iter(missing))
                 entry = tar.next()
                 if entry is None:
-                    raise StateError(f"{path}: damaged: {name} is missing")
+                    raise UsageError(f"{path}: damaged: {name} is missing")
                 if entry.name != name or not entry.isreg() or entry.size != missing[name].size:
-                    raise StateError(f"{path}: damaged: {entry.name!a} stands where {name} should be")
+                    raise UsageError(f"{path}: damaged: {entry.name!a} stands where {name} should be")
                 _copy(tar, entry, folder / name)
                 found = content_of(folder / name)
                 if found != missing.pop(name):
-                    raise StateError(
+                    raise UsageError(
                         f"{path}: damaged: {name} has the SHA-256 {found.sha256}, the manifest says "
                         f"{manifest.files[name].sha256}"
                     )
         except (OSError, EOFError, zlib.error, tarfile.TarError, ValueError) as fault:
-            raise StateError(f"{path}: damaged at {name}: {fault}") from fault
+            raise UsageError(f"{path}: damaged at {name}: {fault}") from fault
     return manifest
 
 
@@ -141,9 +143,9 @@ def _opened(path: Path, name: str) -> tarfile.TarFile:
     try:
         return tarfile.open(path, "r:gz")
     except (EOFError, zlib.error, tarfile.TarError, ValueError) as fault:
-        raise StateError(f"{path}: not a backup, or damaged at {name}: {fault}") from fault
+        raise UsageError(f"{path}: not a backup, or damaged at {name}: {fault}") from fault
     except OSError as fault:
-        raise StateError(f"{path}: not a backup, or cannot be read: {fault.strerror or fault}") from fault
+        raise UsageError(f"{path}: not a backup, or cannot be read: {fault.strerror or fault}") from fault
 
 
 def _copy(tar: tarfile.TarFile, entry: tarfile.TarInfo, into: Path) -> None:
@@ -159,12 +161,12 @@ def _manifest(path: Path, tar: tarfile.TarFile) -> Manifest:
     try:
         entry = tar.next()
         if entry is None or entry.name != _MANIFEST or not 0 < entry.size <= _MANIFEST_MOST_BYTES:
-            raise StateError(f"{path}: not a backup: {_MANIFEST} does not come first")
+            raise UsageError(f"{path}: not a backup: {_MANIFEST} does not come first")
         source = tar.extractfile(entry)
         data = b"" if source is None else source.read()
         values = json.loads(data)
         if values.get("format") != FORMAT:
-            raise StateError(f"{path}: of another version: {values.get('format')!r}, wanted {FORMAT!r}")
+            raise UsageError(f"{path}: of another version: {values.get('format')!r}, wanted {FORMAT!r}")
         manifest = _manifest_of(values)
     except (
         OSError,
@@ -176,14 +178,14 @@ def _manifest(path: Path, tar: tarfile.TarFile) -> Manifest:
         TypeError,
         AttributeError,
     ) as fault:
-        raise StateError(f"{path}: damaged at {_MANIFEST}: {fault}") from fault
+        raise UsageError(f"{path}: damaged at {_MANIFEST}: {fault}") from fault
     # The bytes must be what the content would be written as: so a changed bit shows.
     if _text(manifest) != data:
-        raise StateError(f"{path}: damaged at {_MANIFEST}: its hash does not fit")
+        raise UsageError(f"{path}: damaged at {_MANIFEST}: its hash does not fit")
     for name in manifest.files:
         parts = PurePosixPath(name)
         if parts.is_absolute() or ".." in parts.parts or str(parts) != name or "\0" in name:
-            raise StateError(f"{path}: {name!a} is no name of a file in a backup")
+            raise UsageError(f"{path}: {name!a} is no name of a file in a backup")
     return manifest
 
 

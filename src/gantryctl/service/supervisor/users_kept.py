@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from gantryctl.errors import DeviceError
+from gantryctl.errors import GantryctlError
 from gantryctl.operation.store import SERVICE_SOCKET, PeerName
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.supervisor.users import Users
@@ -50,7 +50,7 @@ def _has(directory: Path, changed_ns: int) -> bool:
     """Whether an event of the journal on the disk stands for the file of users as it is, or a later one."""
     try:
         rows = read_journal(directory, limit=_NEWEST, newest=True)
-    except DeviceError:
+    except GantryctlError:
         return False
     kept = (
         json.loads(row.values["detail"]).get("file_ns", 0) for row in rows if row.values["kind"] == "user"

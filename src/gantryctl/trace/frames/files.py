@@ -156,8 +156,8 @@ def read_frames(path: Path) -> Iterator[BusFrame]:
     """Read a log of this or another program; frames that are no classic data frames with 11 bits are left out.
 
     Raises:
-        UsageError: there is no such file, or its format is not known.
-        DeviceError: it is damaged; the frames before the damage were given.
+        UsageError: there is no such file, its format is not known, or it is damaged: then the frames before the
+            damage were given.
     """
     import can
 
@@ -178,16 +178,16 @@ def read_frames(path: Path) -> Iterator[BusFrame]:
                     )
     except (can.CanError, *_TROUBLE) as fault:
         text = str(fault) or type(fault).__name__
-        raise DeviceError(f"{path}: no whole log, damaged after {count} frames: {text}") from fault
+        raise UsageError(f"{path}: no whole log, damaged after {count} frames: {text}") from fault
     if not count:
-        raise DeviceError(f"{path}: no frame in it: is it the log of a CAN bus?")
+        raise UsageError(f"{path}: no frame in it: is it the log of a CAN bus?")
 
 
 def _opened(path: Path, suffix: str) -> Any:
     """Open a log, compressed or not."""
     how: Any = gzip.open if path.suffix.lower() == _COMPRESSED else open
     # Other programs write names and comments in the encoding of their country.
-    text = {} if suffix == ".blf" else {"encoding": "utf-8", "errors": "replace"}
+    text = {} if suffix == ".blf" else {"encoding": "utf-8-sig", "errors": "replace"}
     return how(path, "rt" if text else "rb", **text)
 
 

@@ -10,7 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from gantryctl.errors import DeviceError
+from gantryctl.errors import DeviceError, UsageError
 from gantryctl.service.recorder.journal.chain import (
     Anchor,
     anchors_in,
@@ -101,7 +101,7 @@ def verify(
         key: instead of the one in its place. keyed: with False the seals are not checked, and no key is needed.
 
     Raises:
-        DeviceError: there is no journal and never was one, or the key cannot be read.
+        UsageError: there is no journal and never was one. DeviceError: the key cannot be read.
     """
     places = places_of(directory)
     if key is None and keyed and (places.key.exists() or places.database.exists()):
@@ -118,7 +118,7 @@ def verify(
     if not places.database.is_file():
         last = max(known, key=lambda each: each.seq, default=None)
         if last is None or not last.seq:
-            raise DeviceError(f"{places.database}: there is no journal yet")
+            raise UsageError(f"{places.database}: there is no journal yet; `gantryctl serve` begins one")
         wrong = f"the journal is gone: event {last.seq} was there on {last.utc}"
         return Verdict(0, wrong, fault=Fault.SHORT, missing=(Span(1, last.seq),))
     return verify_file(places.database, key, known, [*daily, *anchors], newest, given=anchors)
@@ -338,10 +338,10 @@ def reading(path: Path) -> Iterator[Rows]:
     """Open a journal for reading: `rows(query, values)` yields tuples, and Damaged is raised for what cannot be read.
 
     Raises:
-        DeviceError: there is none, or it cannot be opened.
+        UsageError: there is none. DeviceError: it cannot be opened.
     """
     if not path.is_file():
-        raise DeviceError(f"{path}: there is no journal yet")
+        raise UsageError(f"{path}: there is no journal yet; `gantryctl serve` begins one")
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as db:
             # One transaction, so that the writer changes nothing under the reader.

@@ -53,7 +53,7 @@ def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: b
     """Read rows by number.
 
     Raises:
-        DeviceError: the journal is missing or cannot be read.
+        UsageError: there is no journal. DeviceError: it cannot be read.
     """
     order = "DESC" if newest else "ASC"
     query = f"{SELECT} WHERE seq > ? ORDER BY seq {order} LIMIT ?"
@@ -66,13 +66,13 @@ def anchor(directory: Path) -> Anchor:
     """Return number and hash of the newest event.
 
     Raises:
-        DeviceError: there is no journal, or it is empty.
+        UsageError: there is no journal, or it is empty. DeviceError: it cannot be read.
     """
     path = directory / FILE
     with reading(path) as rows:
         newest = next(rows("SELECT seq, hash, utc FROM events ORDER BY seq DESC LIMIT 1", ()), None)
         if newest is None:
-            raise DeviceError(f"{path}: no event yet")
+            raise UsageError(f"{path}: no event yet")
         seq, digest, utc = newest
         return Anchor(seq, digest, utc, _name(rows))
 
