@@ -13,8 +13,8 @@ import click
 from gantryctl.cli.options import directory, json_option, number_option, print_json, stop_signals, write_text
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
-from gantryctl.extras import need
 from gantryctl.cli.values import INPUT, PATH, Whole
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from collections.abc import Callable

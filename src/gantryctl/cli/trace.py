@@ -9,8 +9,8 @@ import click
 
 from gantryctl.cli.options import json_option, print_done, print_json, write_text
 from gantryctl.cli.report import report_options
-from gantryctl.extras import need
 from gantryctl.cli.values import FINITE, PATH, InputPath, Whole, check_lasting
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made

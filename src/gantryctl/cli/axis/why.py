@@ -18,7 +18,7 @@ from gantryctl.cli.options import (
     to_service,
 )
 from gantryctl.cli.values import PATH
-from gantryctl.extras import need
+from gantryctl.extras import ExtraMissing, need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.last_stop import LastStop, Moment
@@ -44,10 +44,10 @@ def why(config_file: Path | None, out: Path | None, as_json: bool, service: bool
     from gantryctl.operation.store import state_root
 
     machine = machine_of(config_file)
-    need("matplotlib")
     if out is not None:
         from gantryctl.trace.figure import check_picture
 
+        need("matplotlib")
         check_picture(out)
     stop = last_stop(*_alarms(machine, to_service(service, config_file)))
     if stop is None:
@@ -62,7 +62,14 @@ def why(config_file: Path | None, out: Path | None, as_json: bool, service: bool
     lines = [*sentences(machine, stop, moment)]
     if asked is not None:
         lines.insert(1, f"The last command before it: {asked}.")
-    picture = None if moment is None else _picture(machine, stop, moment, out)
+    picture, absent = None, ""
+    if moment is not None:
+        # The sentences need nothing but this program: where pictures are not installed they still are told.
+        try:
+            need("matplotlib")
+            picture = _picture(machine, stop, moment, out)
+        except ExtraMissing as missing:
+            absent = str(missing)
     if as_json:
         print_json(_data(stop, moment, asked, lines, picture))
         return 0
@@ -75,8 +82,8 @@ def why(config_file: Path | None, out: Path | None, as_json: bool, service: bool
     )
     if machine.on_bus:
         click.echo("What was said on the bus around it: gantryctl can log")
-    if picture is not None:
-        click.echo(f"picture: {picture}")
+    if picture is not None or absent:
+        click.echo(f"picture: {picture or absent}")
     return 0
 
 

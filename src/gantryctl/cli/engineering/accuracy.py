@@ -34,8 +34,8 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.report import head_of, report_options
-from gantryctl.extras import need
 from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
+from gantryctl.extras import need
 from gantryctl.units import SIGNED
 
 if TYPE_CHECKING:

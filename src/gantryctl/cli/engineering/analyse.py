@@ -21,8 +21,8 @@ from gantryctl.cli.options import (
     write_json,
 )
 from gantryctl.cli.text import paragraph, print_table
-from gantryctl.extras import need
 from gantryctl.cli.values import FINITE
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.analysis.measured.response import MeasuredResponse

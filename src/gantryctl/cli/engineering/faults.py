@@ -9,8 +9,8 @@ import click
 
 from gantryctl.cli.options import config_option, json_option, machine_of, print_json
 from gantryctl.cli.text import print_table
-from gantryctl.extras import need
 from gantryctl.cli.values import FINITE, INPUT, PATH
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.faults.case import FaultCase

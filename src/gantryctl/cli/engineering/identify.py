@@ -24,8 +24,8 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.text import print_table
-from gantryctl.extras import need
 from gantryctl.cli.values import PATH, check_lasting
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.identification import CalibrationFit, Comparison

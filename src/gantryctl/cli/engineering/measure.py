@@ -30,8 +30,8 @@ from gantryctl.cli.options import (
     seed_option,
 )
 from gantryctl.cli.report import report_options
-from gantryctl.extras import need
 from gantryctl.cli.values import Whole
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession

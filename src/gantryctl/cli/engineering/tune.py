@@ -23,8 +23,8 @@ from gantryctl.cli.options import (
 )
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
-from gantryctl.extras import need
 from gantryctl.cli.values import check_lasting
+from gantryctl.extras import need
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made

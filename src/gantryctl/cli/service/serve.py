@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 
 import click
 
-from gantryctl.extras import need
 from gantryctl.cli.options import config_option, proven_machine
 from gantryctl.cli.values import PATH, LogPath, Whole, check_lasting
+from gantryctl.extras import need
 
 Command: TypeAlias = Callable[..., Any]
 
