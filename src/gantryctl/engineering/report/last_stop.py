@@ -189,7 +189,7 @@ def sentences(machine: Machine, stop: LastStop, moment: Moment | None) -> Iterat
 def _where(machine: Machine, first: AlarmEntry, moment: Moment | None) -> str:
     if first.pos_act_rad is None:
         return "Where the axis was is not known: its reading was in doubt."
-    angle = f"The axis was at {machine.axis.dial.text(deg(first.pos_act_rad), ".3f")} deg (motor encoder)"
+    angle = f"The axis was at {machine.axis.dial.text(deg(first.pos_act_rad), '.3f')} deg (motor encoder)"
     if moment is None:
         return f"{angle}. No recording of that moment is left."
     return (
