@@ -38,7 +38,7 @@ def numbers_taken(group: click.Group, words: tuple[str, ...] = ()) -> Iterator[P
     for name in group.list_commands(context):
         command = group.get_command(context, name)
         assert command is not None
-        for parameter in command.get_params(context):
+        for parameter in command.params:
             if isinstance(parameter, click.Option) and (
                 parameter.type is FINITE or isinstance(parameter.type, Whole)
             ):
