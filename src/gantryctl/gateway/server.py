@@ -68,6 +68,19 @@ class PatientProtocol(H11Protocol):
         super().on_response_complete()
         self._watch()
 
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is no HTTP; where an answer has begun already, there is no other one, and the connection ends."""
+        # uvicorn would fail, with dozens of lines in the log for each: at a second answer from here, and at that of the
+        # application, which does not know of this one.
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            super().send_400_response(msg)
+        else:
+            self.transport.close()
+        asked: Any = self.cycle
+        if asked is not None:
+            asked.disconnected = True
+            asked.message_event.set()
+
     def pause_writing(self) -> None:
         """The client takes no more of the answer; it has some time to go on."""
         super().pause_writing()

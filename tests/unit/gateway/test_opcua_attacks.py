@@ -24,61 +24,17 @@ from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 
 from gantryctl.gateway.opcua import listener, services  # noqa: E402
 from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
-from support.opcua_wire import Refused, Wire, password, requests  # noqa: E402
+from support.opcua_table import ALL, IDENTITIES, POLICIES, SECURE, opens, status_of  # noqa: E402
+from support.opcua_wire import Refused, Wire, password  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
 MODES = ua.MessageSecurityMode
-SECURE = ("Basic256Sha256", "Aes128_Sha256_RsaOaep", "Aes256_Sha256_RsaPss")
-POLICIES = ("None", "Basic128Rsa15", "Basic256", *SECURE, "ECC_nistP256")
-IDENTITIES = {
-    "right": ("Good", lambda: password("viewer", PASSWORD)),
-    "wrong password": ("BadUserAccessDenied", lambda: password("viewer", "wrong wrong wrong")),
-    "unknown user": ("BadUserAccessDenied", lambda: password("nobody", PASSWORD)),
-    "anonymous": ("BadIdentityTokenRejected", lambda: ua.AnonymousIdentityToken("anonymous")),
-    "certificate": ("BadIdentityTokenRejected", lambda: ua.X509IdentityToken("certificate", b"0")),
-}
-DISCOVERY = {"FindServers", "GetEndpoints"}
-READING = {
-    "Read", "Browse", "TranslateBrowsePathsToNodeIds", "RegisterNodes", "UnregisterNodes", "CreateSubscription",
-    "DeleteSubscriptions", "SetPublishingMode", "Publish",
-}  # fmt: skip
-# They name no subscription here, so that is what is wrong with them.
-NO_SUBSCRIPTION = {
-    "ModifySubscription", "CreateMonitoredItems", "ModifyMonitoredItems", "DeleteMonitoredItems",
-    "SetMonitoringMode", "Republish",
-}  # fmt: skip
-CHANGES = {"Write", "Call", "HistoryUpdate", "AddNodes", "DeleteNodes", "AddReferences", "DeleteReferences"}
-ALL = requests()
-NOT_THERE = set(ALL) - {
-    *DISCOVERY, *READING, *NO_SUBSCRIPTION, *CHANGES, "CreateSession", "ActivateSession", "CloseSession",
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     with sharing(tmp_path_factory.mktemp("opcua")) as made:
         yield made
-
-
-def status_of(service: str, state: str) -> str:
-    """What the table allows: `state` is none (a channel without security), open, created or active."""
-    if service in DISCOVERY:
-        return "Good"
-    if state == "none":
-        return "BadSecurityPolicyRejected"
-    if service == "CreateSession":
-        return "BadCertificateInvalid"  # this one carries none
-    if state == "open":
-        return "BadSessionIdInvalid"
-    if service == "ActivateSession":
-        return "BadIdentityTokenRejected"  # this one carries none
-    if state == "created":
-        return "BadSessionNotActivated"
-    if service in CHANGES:
-        return "BadUserAccessDenied"
-    if service in NOT_THERE:
-        return "BadServiceUnsupported"
-    return "BadSubscriptionIdInvalid" if service in NO_SUBSCRIPTION else "Good"
 
 
 async def differences(wire: Wire, state: str) -> list[tuple[str, str, str]]:
@@ -95,9 +51,7 @@ async def differences(wire: Wire, state: str) -> list[tuple[str, str, str]]:
 
 async def cell(bench: Bench, policy: str, mode: Any, key: str, identity: str) -> list[Any]:
     """One policy, one certificate or none, one identity: all services in every state that can be reached."""
-    may_open = (policy == "None" and mode is MODES.None_) or (
-        policy in SECURE and mode is MODES.SignAndEncrypt and key == "client"
-    )
+    may_open = opens(policy, mode.name.strip("_"), key)
     try:
         wire = await bench.open(policy, mode, key)
     except Refused:
@@ -135,8 +89,7 @@ def cells(*, whole: bool) -> Iterator[tuple[str, Any, str, str]]:
         modes = [MODES.None_] if policy == "None" else [MODES.SignAndEncrypt]
         for mode in (MODES.None_, MODES.Sign, MODES.SignAndEncrypt) if whole else modes:
             for key in ("", "client", "stranger"):
-                opens = (policy == "None" and mode is modes[0]) or (policy in SECURE and key == "client")
-                some = ["right", "anonymous"] if opens else ["right"]
+                some = ["right", "anonymous"] if opens(policy, mode.name.strip("_"), key) else ["right"]
                 for identity in IDENTITIES if whole else some:
                     yield policy, mode, key, identity
     if not whole:

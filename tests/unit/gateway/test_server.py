@@ -224,6 +224,29 @@ def test_what_is_no_http_leaves_nothing_in_the_log(sent: bytes, capsys: pytest.C
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize("later", [False, True])
+def test_a_chunk_that_is_none_leaves_one_answer_and_nothing_in_the_log(
+    later: bool, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Found by `python -m support.fuzz`: an answer before the body ends, and a body that ends wrongly."""
+
+    async def check(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        # The route is for GET: it is answered, and the body is not waited for.
+        writer.write(b"POST /big HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n5\r\nabcde\r\n")
+        said = await reader.readuntil(b"\r\n\r\n") if later else b""
+        writer.write(b"zz\r\n")
+        with suppress(ConnectionError):
+            said += await reader.read()
+        assert said.count(b"HTTP/1.1 ") == 1
+        assert said.startswith(b"HTTP/1.1 4")
+        writer.close()
+
+    run(check)
+    assert capsys.readouterr().err == ""
+    assert not [row for row in caplog.records if row.name == "asyncio"]
+
+
 def test_text_that_is_no_utf_8_ends_its_websocket_and_leaves_nothing_in_the_log(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -20,6 +20,7 @@ from asyncua.server.uaprocessor import UaProcessor
 from asyncua.ua.ua_binary import nodeid_from_binary, struct_from_binary, struct_to_binary, uatcp_to_binary
 
 from gantryctl.gateway.opcua.people import People, Reader
+from gantryctl.gateway.opcua.reading import Bounded, bounded, judge_identity, read_header
 from gantryctl.gateway.opcua.services import ACTIVATE, CHANGES, CLOSE, CREATE, DISCOVERY, READING, Holdings
 from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, first_of, speaks_for
 
@@ -151,7 +152,7 @@ class Channel:
             if kind == ua.MessageType.SecureClose:
                 return False
             if message is not None:
-                await self._request(message.SequenceHeader(), message.body())
+                await self._request(message.SequenceHeader(), bounded(message.body()))
         return True
 
     def _hello(self, hello: Any) -> None:
@@ -196,8 +197,10 @@ class Channel:
         message = self._received(header, body)
         if message is None:  # an OpenSecureChannel message has one chunk
             raise ChannelRefused(ua.StatusCodes.BadTcpMessageTypeInvalid)
-        request = struct_from_binary(ua.OpenSecureChannelRequest, message.body())
-        wanted = request.Parameters
+        opening = bounded(message.body())
+        nodeid_from_binary(opening)
+        head = read_header(opening)
+        wanted = struct_from_binary(ua.OpenSecureChannelParameters, opening)
         mode = ua.MessageSecurityMode.SignAndEncrypt if secured else ua.MessageSecurityMode.None_
         if wanted.SecurityMode != mode:
             raise ChannelRefused(ua.StatusCodes.BadSecurityModeRejected)
@@ -212,16 +215,16 @@ class Channel:
         # Clients renew at three quarters; a quarter more is theirs (Part 4, section 5.5.2.1).
         self._until_s = time.monotonic() + wanted.RequestedLifetime * 1.25e-3
         self._answers.send_response(
-            request.RequestHeader.RequestHandle, message.SequenceHeader(), answer, ua.MessageType.SecureOpen
+            head.RequestHandle, message.SequenceHeader(), answer, ua.MessageType.SecureOpen
         )
 
     # --- requests ---------------------------------------------------------------------------------
 
-    async def _request(self, sequence: Any, body: Buffer) -> None:
+    async def _request(self, sequence: Any, body: Bounded) -> None:
         handle = 0
         try:
             kind = nodeid_from_binary(body)
-            head = struct_from_binary(ua.RequestHeader, body)
+            head = read_header(body)
             handle = head.RequestHandle
             allowed = await self._judged(kind.Identifier if kind.NamespaceIndex == 0 else 0, head, body)
             await self._answers._process_message(kind, head, sequence, allowed)
@@ -230,7 +233,7 @@ class Channel:
         except Exception:  # a request that the library cannot read
             self._answers.send_response(handle, sequence, _fault(ua.StatusCodes.BadDecodingError))
 
-    async def _judged(self, kind: Any, head: Any, body: Buffer) -> Buffer:
+    async def _judged(self, kind: Any, head: Any, body: Bounded) -> Buffer:
         """The body that the library may act on.
 
         Raises:
@@ -260,7 +263,7 @@ class Channel:
             raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
         return rule(Holdings(self._wall.internal, session), body)
 
-    async def _may_create(self, session: Any, body: Buffer) -> Buffer:
+    async def _may_create(self, session: Any, body: Bounded) -> Buffer:
         wanted = struct_from_binary(ua.CreateSessionParameters, body.copy())
         # The library looks at this one alone, and anybody can send the certificate of somebody else.
         if first_of(wanted.ClientCertificate) != self.certificate:
@@ -275,7 +278,8 @@ class Channel:
             await session.close_session(True)
         return body
 
-    async def _may_activate(self, session: Any, body: Buffer) -> None:
+    async def _may_activate(self, session: Any, body: Bounded) -> None:
+        judge_identity(body.copy())
         wanted = struct_from_binary(ua.ActivateSessionParameters, body.copy())
         token, policy = wanted.UserIdentityToken, self._secure.security_policy
         if not isinstance(token, ua.UserNameIdentityToken):

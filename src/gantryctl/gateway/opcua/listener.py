@@ -9,10 +9,10 @@ from collections import Counter, deque
 from typing import Any, Final
 
 from asyncua import ua
-from asyncua.common.utils import Buffer
 from asyncua.ua.ua_binary import header_from_binary, uatcp_to_binary
 
 from gantryctl.gateway.opcua.channel import Channel, ChannelRefused, Wall
+from gantryctl.gateway.opcua.reading import Bounded
 from gantryctl.gateway.places import Place, Places
 from gantryctl.gateway.settings import neighbourhood
 
@@ -103,7 +103,7 @@ class Connection(asyncio.Protocol):
         while True:
             await self._arrived.wait()
             await self._writable.wait()
-            chunk = Buffer(self._chunks.popleft())
+            chunk = Bounded(self._chunks.popleft())
             if not self._chunks:
                 self._arrived.clear()
             if len(self._chunks) <= _WAITING // 2 and not self.transport.is_closing():

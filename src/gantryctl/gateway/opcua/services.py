@@ -9,6 +9,7 @@ from asyncua import ua
 from asyncua.common.utils import Buffer, ServiceError
 from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary
 
+from gantryctl.gateway.opcua.reading import Bounded, judge_filters
 from gantryctl.gateway.opcua.space import PERIOD_S
 
 NODES_MAX: Final = 1000
@@ -62,11 +63,11 @@ class Holdings:
             raise ServiceError(ua.StatusCodes.BadSubscriptionIdInvalid)
 
 
-Rule = Callable[[Holdings, Buffer], Buffer]
+Rule = Callable[[Holdings, Bounded], Buffer]
 
 
 def _list(parameters: Any, name: str, most: int) -> Rule:
-    def rule(_: Holdings, body: Buffer) -> Buffer:
+    def rule(_: Holdings, body: Bounded) -> Buffer:
         if len(getattr(struct_from_binary(parameters, body.copy()), name)) > most:
             raise ServiceError(ua.StatusCodes.BadTooManyOperations)
         return body
@@ -75,7 +76,7 @@ def _list(parameters: Any, name: str, most: int) -> Rule:
 
 
 def _of_one(parameters: Any) -> Rule:
-    def rule(held: Holdings, body: Buffer) -> Buffer:
+    def rule(held: Holdings, body: Bounded) -> Buffer:
         held.must_own(struct_from_binary(parameters, body.copy()).SubscriptionId)
         return body
 
@@ -83,14 +84,14 @@ def _of_one(parameters: Any) -> Rule:
 
 
 def _of_many(parameters: Any) -> Rule:
-    def rule(held: Holdings, body: Buffer) -> Buffer:
+    def rule(held: Holdings, body: Bounded) -> Buffer:
         held.must_own(*struct_from_binary(parameters, body.copy()).SubscriptionIds)
         return body
 
     return rule
 
 
-def _subscribe(held: Holdings, body: Buffer) -> Buffer:
+def _subscribe(held: Holdings, body: Bounded) -> Buffer:
     if len(held.subscriptions()) >= SUBSCRIPTIONS_MAX:
         raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
     found = struct_from_binary(ua.CreateSubscriptionParameters, body)
@@ -101,7 +102,8 @@ def _subscribe(held: Holdings, body: Buffer) -> Buffer:
     return Buffer(struct_to_binary(found))
 
 
-def _monitor(held: Holdings, body: Buffer) -> Buffer:
+def _monitor(held: Holdings, body: Bounded) -> Buffer:
+    judge_filters(body.copy(), new=True)
     found = struct_from_binary(ua.CreateMonitoredItemsParameters, body)
     held.must_own(found.SubscriptionId)
     if held.items() + len(found.ItemsToCreate) > ITEMS_MAX:
@@ -111,7 +113,8 @@ def _monitor(held: Holdings, body: Buffer) -> Buffer:
     return Buffer(struct_to_binary(found))
 
 
-def _modify(held: Holdings, body: Buffer) -> Buffer:
+def _modify(held: Holdings, body: Bounded) -> Buffer:
+    judge_filters(body.copy(), new=False)
     found = struct_from_binary(ua.ModifyMonitoredItemsParameters, body)
     held.must_own(found.SubscriptionId)
     for item in found.ItemsToModify:
@@ -126,7 +129,7 @@ def _without_deadband(wanted: Any) -> None:
         wanted.Filter.DeadbandType, wanted.Filter.DeadbandValue = ua.DeadbandType.None_, 0.0
 
 
-def _publish(held: Holdings, body: Buffer) -> Buffer:
+def _publish(held: Holdings, body: Bounded) -> Buffer:
     found, own = struct_from_binary(ua.PublishParameters, body), held.subscriptions()
     if not own:
         raise ServiceError(ua.StatusCodes.BadNoSubscription)
