@@ -114,17 +114,17 @@ def test_power_is_switched_watched_and_left_from_the_command_line(
 ) -> None:
     monkeypatch.setenv("GANTRYCTL_STATE", str(service.root))
     assert "hust_gantry: no alarm has stopped" in cli("why", "--service").out
-    assert cli("power", "on", "--yes").out == "power is on\n"
+    assert cli("power", "on", "--yes") == (0, "power is on\n", "")
     assert cli("power", "on", "--yes").out == "power was on already\n"
     # The command has ended and power is still there; without an answer it would not have come.
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
     answer = cli("power", "on")
     assert (answer.code, "power stays off" in answer.err) == (2, True)
-    watching = start(service, "status", "--watch", "--json")
-    assert watching.stdout is not None
-    lines = [json.loads(watching.stdout.readline()) for _ in range(2)]
-    watching.send_signal(signal.SIGINT)
-    assert watching.wait(20) == 0
+    with start(service, "status", "--watch", "--json") as watching:
+        assert watching.stdout is not None
+        lines = [json.loads(watching.stdout.readline()) for _ in range(2)]
+        watching.send_signal(signal.SIGINT)
+        assert watching.wait(20) == 0
     assert [line["power"] for line in lines] == [True, True]
     # A line a second of the axis; the status frames come every 50 ms.
     assert 0.99 <= lines[1]["time_s"] - lines[0]["time_s"] <= 1.5

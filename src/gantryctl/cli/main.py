@@ -34,79 +34,102 @@ class Entry(NamedTuple):
 
 # The lines of the help stand here, so that `gantryctl --help` imports no command: click alone takes 40 ms to import,
 # and what a command needs comes with it (decision 0002).
-COMMANDS: Final = {
-    "move": Entry("axis.move", "move", "Move to an angle, or by an angle."),
-    "jog": Entry("axis.move", "jog", "Hold-to-run motion in one direction for a time."),
-    "power": Entry("axis.power", "power", "Power at the running service: on, off."),
-    "stops": Entry("engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."),
-    "speed-test": Entry(
-        "engineering.accuracy",
-        "speed_test",
-        "The speed test: constant speeds both ways, motor side and load side.",
-    ),
-    "accuracy": Entry(
-        "engineering.accuracy", "accuracy", "The chord test: run, measure, report, statistics of a table."
-    ),
-    "instrument": Entry(
-        "engineering.instrument", "instrument", "Instruments at the load: read one, serve a simulated one."
-    ),
-    "new": Entry("engineering.new", "new", "A new axis: sheet and machine file from a dozen answers."),
-    "size": Entry(
-        "engineering.size", "size", "Size motors for a requirement sheet; write a sheet, limits, a machine."
-    ),
-    "analyse": Entry(
-        "engineering.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
-    ),
-    "tune": Entry("engineering.tune", "tune", "Tune the loops: a proposal by trials or by margins."),
-    "identify": Entry(
-        "engineering.identify",
-        "identify",
-        "Measure friction, moment, stiffness and gear map of this machine.",
-    ),
-    "compare": Entry("engineering.compare", "compare", "Two ways of control on one plant, side by side."),
-    "campaign": Entry(
-        "campaign",
-        "campaign",
-        "Figures of many plants: run, show, plot, compare, on one computer or a cluster.",
-    ),
-    "faults": Entry(
-        "engineering.faults", "faults", "Faults on a simulated axis: list, show, run with a picture."
-    ),
-    "serve": Entry("service.serve", "serve", "Run the controller with its operator page."),
-    "console": Entry("service.console", "console", "Open the page as the console of this machine."),
-    "user": Entry("service.user", "user", "Users of the page: add, list, remove, passwd."),
-    "backup": Entry(
-        "service.backup", "backup", "Configuration, state and journal as one file: create, show, restore."
-    ),
-    "journal": Entry("service.journal", "journal", "The service's journal: show, verify, export."),
-    "attach": Entry("axis.attach", "attach", "Send the commands of a machine to its running service."),
-    "detach": Entry("axis.attach", "detach", "End that: commands run on their own."),
-    "status": Entry("axis.state", "status", "Where the axis stands and whether it may move."),
-    "alarms": Entry("axis.state", "alarms", "Alarms of the past, newest first."),
-    "why": Entry("axis.why", "why", "Why the axis stopped last: sentences and a picture of the moment."),
-    "explain": Entry("axis.state", "explain", "What an alarm code means and what to do."),
-    "reset": Entry("axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
-    "brake-test": Entry("axis.brake_test", "brake_test", "Test torque against the closed brake, both ways."),
-    "arm": Entry("axis.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."),
-    "encoder": Entry("axis.encoder", "encoder", "The absolute reference: show, set-zero."),
-    "retain": Entry("axis.state", "retain", "The controller's retained memory: show."),
-    "config": Entry(
-        "config", "config", "Machine files: init, check, show, schema, diff; export all settings."
-    ),
-    "trace": Entry("trace", "trace", "Recordings: list, show, plot, compare, export."),
-    "can": Entry("drive.can", "can", "The CAN bus: who is on it, what was said on it."),
-    "drive": Entry("drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."),
-    "commission": Entry(
-        "drive.commission", "commission", "Commission a CAN machine, step by step, each with its proof."
-    ),
-    "eds": Entry("drive.eds", "eds", "EDS and DCF files of drives: check."),
-    "sim": Entry("axis.state", "sim", "The simulated machine: reset."),
-    "bench": Entry("computer.bench", "bench", "How fast this computer is, as ratios, beside its last run."),
-    "doctor": Entry(
-        "computer.doctor", "doctor", "Is this computer good enough: lateness of the scan, in degrees."
-    ),
-    "completion": Entry("completion", "completion", "Shell completion for bash, zsh or fish."),
+GROUPS: Final = {
+    "Move and look": {
+        "move": Entry("axis.move", "move", "Move to an angle, or by an angle."),
+        "jog": Entry("axis.move", "jog", "Hold-to-run motion in one direction for a time."),
+        "power": Entry("axis.power", "power", "Power at the running service: on, off."),
+        "brake-test": Entry(
+            "axis.brake_test", "brake_test", "Test torque against the closed brake, both ways."
+        ),
+        "arm": Entry("axis.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."),
+        "status": Entry("axis.state", "status", "Where the axis stands and whether it may move."),
+        "alarms": Entry("axis.state", "alarms", "Alarms of the past, newest first."),
+        "why": Entry("axis.why", "why", "Why the axis stopped last: sentences and a picture of the moment."),
+        "explain": Entry("axis.state", "explain", "What an alarm code means and what to do."),
+        "reset": Entry("axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
+        "encoder": Entry("axis.encoder", "encoder", "The absolute reference: show, set-zero."),
+        "retain": Entry("axis.state", "retain", "The controller's retained memory: show."),
+        "sim": Entry("axis.state", "sim", "The simulated machine: reset."),
+        "trace": Entry("trace", "trace", "Recordings: list, show, plot, compare, export."),
+    },
+    "Describe a machine": {
+        "new": Entry("engineering.new", "new", "A new axis: sheet and machine file from a dozen answers."),
+        "size": Entry(
+            "engineering.size",
+            "size",
+            "Size motors for a requirement sheet; write a sheet, limits, a machine.",
+        ),
+        "config": Entry(
+            "config", "config", "Machine files: init, check, show, schema, diff; export all settings."
+        ),
+        "eds": Entry("drive.eds", "eds", "EDS and DCF files of drives: check."),
+    },
+    "Study a machine": {
+        "stops": Entry("engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."),
+        "speed-test": Entry(
+            "engineering.accuracy",
+            "speed_test",
+            "The speed test: constant speeds both ways, motor side and load side.",
+        ),
+        "accuracy": Entry(
+            "engineering.accuracy", "accuracy", "The chord test: run, measure, report, statistics of a table."
+        ),
+        "instrument": Entry(
+            "engineering.instrument",
+            "instrument",
+            "Instruments at the load: read one, serve a simulated one.",
+        ),
+        "analyse": Entry(
+            "engineering.analyse",
+            "analyse",
+            "Linear analysis: margins, modes, worst case, measured response.",
+        ),
+        "tune": Entry("engineering.tune", "tune", "Tune the loops: a proposal by trials or by margins."),
+        "identify": Entry(
+            "engineering.identify",
+            "identify",
+            "Measure friction, moment, stiffness and gear map of this machine.",
+        ),
+        "compare": Entry("engineering.compare", "compare", "Two ways of control on one plant, side by side."),
+        "campaign": Entry(
+            "campaign",
+            "campaign",
+            "Figures of many plants: run, show, plot, compare, on one computer or a cluster.",
+        ),
+        "faults": Entry(
+            "engineering.faults", "faults", "Faults on a simulated axis: list, show, run with a picture."
+        ),
+    },
+    "Drives on a bus": {
+        "can": Entry("drive.can", "can", "The CAN bus: who is on it, what was said on it."),
+        "drive": Entry("drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."),
+        "commission": Entry(
+            "drive.commission", "commission", "Commission a CAN machine, step by step, each with its proof."
+        ),
+    },
+    "Run as a service": {
+        "serve": Entry("service.serve", "serve", "Run the controller with its operator page."),
+        "console": Entry("service.console", "console", "Open the page as the console of this machine."),
+        "user": Entry("service.user", "user", "Users of the page: add, list, remove, passwd."),
+        "attach": Entry("axis.attach", "attach", "Send the commands of a machine to its running service."),
+        "detach": Entry("axis.attach", "detach", "End that: commands run on their own."),
+        "journal": Entry("service.journal", "journal", "The service's journal: show, verify, export."),
+        "backup": Entry(
+            "service.backup", "backup", "Configuration, state and journal as one file: create, show, restore."
+        ),
+    },
+    "This computer": {
+        "doctor": Entry(
+            "computer.doctor", "doctor", "Is this computer good enough: lateness of the scan, in degrees."
+        ),
+        "bench": Entry(
+            "computer.bench", "bench", "How fast this computer is, as ratios, beside its last run."
+        ),
+        "completion": Entry("completion", "completion", "Shell completion for bash, zsh or fish."),
+    },
 }
+COMMANDS: Final = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 
 
 class LazyGroup(click.Group):
@@ -131,9 +154,10 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of the help."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
+        """Write the list of the help, by groups of what a person wants to do."""
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, entry.help) for name, entry in commands.items()])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -330,7 +330,7 @@ class Commissioning:
         result = replace(
             result,
             seconds=self._now_s() - begun_s,
-            axis_s=watch.meter.axis_s,
+            axis_s=watch.meter.done,
             at=now_text(),
             by=operator_name(),
             pictures=tuple(watch.pictures),

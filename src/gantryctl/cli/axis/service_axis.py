@@ -164,8 +164,14 @@ class ServiceAxis:
             self.take()
             if bool(self.tags["power"]) is on and self.tags["power_phase"] == ("on" if on else "off"):
                 return False
-            self._link.ask("power", on=on)
-            self._wait(lambda tags: tags["power_phase"] == "off" or (on and bool(tags["power"])))
+            # The reply is faster than the tags: only those that know of the command show what it did.
+            begun = self._link.ask("power", on=on)["journal"]
+            self._wait(
+                lambda tags: (
+                    tags["journal_sequence"] >= begun
+                    and (tags["power_phase"] == "off" or (on and bool(tags["power"])))
+                )
+            )
             self._raise_alarm()
             if on and not self.tags["power"]:
                 raise CommandRefused(

@@ -33,6 +33,7 @@ from gantryctl.cli.options import (
     simulated_machine,
     write_text,
 )
+from gantryctl.cli.progress import metered
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
 from gantryctl.extras import need
@@ -144,7 +145,8 @@ def run_(
                 f"stop {index + 1} of {len(procedure.stops)}: {machine.axis.dial.text(target_deg, '.1f')} deg"
             )
 
-    report = accuracy_report(machine, job, made.version, made.date, progress)
+    with metered(max(1, ensemble), quiet=as_json) as meter:
+        report = accuracy_report(machine, job, made.version, made.date, progress, meter.reach)
     measured_by = MeasuredBy(report.source, SIMULATED_CERTIFICATE)
     return finish(report, machine, made, measured_by, folder, as_json)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +24,7 @@ from gantryctl.cli.options import (
     write_json,
     write_text,
 )
+from gantryctl.cli.progress import metered
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import PATH, Whole
@@ -85,6 +84,7 @@ def compare(
     """
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.engineering.comparison.report import compare_report
+    from gantryctl.engineering.comparison.variants import variants
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.errors import UsageError
 
@@ -101,14 +101,11 @@ def compare(
             raise UsageError("--ensemble: random plants are simulated, a machine on a bus is the one it is")
         stated = certificate_of(instrument, certificate)
         return _on_bus(paper, improved, instrument, stated, seed, folder, made, yes=yes, as_json=as_json)
-    report = compare_report(
-        paper,
-        improved,
-        plants=plants,
-        seed=seed,
-        threads=threads,
-        progress=_progress(plants),
-    )
+    rows = len(variants(paper, improved)) + plants
+    with metered(rows, quiet=as_json) as meter:
+        report = compare_report(
+            paper, improved, plants=plants, seed=seed, threads=threads, progress=meter.reach
+        )
     data = comparison_data(report)
     if as_json:
         print_json(data)
@@ -171,14 +168,6 @@ def _on_bus(
         head = head_of(improved, made, MeasuredBy(found.instrument, certificate))
         write_text(folder / "report.html", render_bus_comparison(found, head))
     return int(found.verdict.passed is not True)
-
-
-def _progress(plants: int) -> Callable[[int], None] | None:
-    """Progress of the ensemble on a terminal: it may take hours."""
-    # In a log file the counting lines would only stand between the results.
-    if not sys.stderr.isatty():
-        return None
-    return lambda done: click.echo(f"plant {done} of {plants}", err=True) if done % 10 == 0 else None
 
 
 def _machine(name: Path) -> Machine:

@@ -23,6 +23,7 @@ from gantryctl.cli.options import (
     seed_option,
     write_text,
 )
+from gantryctl.cli.progress import metered
 from gantryctl.cli.text import print_table
 from gantryctl.cli.values import PATH, check_lasting
 from gantryctl.extras import need
@@ -107,7 +108,8 @@ def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet:
             raise UsageError(
                 f'--instrument {instrument}: with [drive] kind = "sim" it is {SIMULATED} or {LOAD_ENCODER}'
             )
-        return record(SimulatedAxis(machine, watching[instrument], seed))
+        with metered(60.0 * experiment_of(machine).minutes, quiet=quiet) as meter:
+            return record(SimulatedAxis(machine, watching[instrument], seed, advance=meter.advance))
     low, high = reach_deg(machine)
     minutes, fastest = experiment_of(machine).minutes, machine.speed.setting_max_deg_s
     moves = f"moves for {minutes:.0f} minutes between {low:g} and {high:g} deg, at up to {fastest:g} deg/s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -60,12 +61,18 @@ class AccuracyJob:
 
 
 def accuracy_report(
-    machine: Machine, job: AccuracyJob, version: str, created: str = "", progress: Progress | None = None
+    machine: Machine,
+    job: AccuracyJob,
+    version: str,
+    created: str = "",
+    progress: Progress | None = None,
+    gears: Callable[[int], None] | None = None,
 ) -> AccuracyReport:
     """Run the tests of a job and make its report.
 
     Args:
-        progress: called at every stop of a run on the engine.
+        progress: called at every stop of a run on the engine. gears: called with the number of gears of the ensemble
+            that are done.
         version: of the program, for the page.
         created: a date for the page, or "".
 
@@ -112,7 +119,7 @@ def accuracy_report(
         switches=machine.plant.switches.model_dump(),
         phases_fitted=phases_fitted(machine),
         speed=speed,
-        ensemble=ensemble_a(machine, job) if job.ensemble else None,
+        ensemble=ensemble_a(machine, job, gears) if job.ensemble else None,
         notes=_notes(machine, speeds),
     )
 
@@ -140,9 +147,11 @@ def phases_fitted(machine: Machine) -> bool:
     return is_reference_machine(machine) and own.switches.gear_error and own.gear_error.phases_rad == fitted
 
 
-def ensemble_a(machine: Machine, job: AccuracyJob) -> GearEnsemble:
+def ensemble_a(
+    machine: Machine, job: AccuracyJob, gears: Callable[[int], None] | None = None
+) -> GearEnsemble:
     """A of the true angles for `job.ensemble` gears of the same grade with random phases."""
-    found = all_rows(GearJob(machine, job.procedure, job.seed), job.ensemble, job.threads)
+    found = all_rows(GearJob(machine, job.procedure, job.seed), job.ensemble, job.threads, gears)
     return GearEnsemble(
         tuple(found[_TRUE_A].tolist()), tuple(range(job.seed + 1, job.seed + 1 + job.ensemble))
     )

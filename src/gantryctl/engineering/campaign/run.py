@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -12,7 +11,7 @@ from typing import Final, NamedTuple
 from gantryctl.engineering.campaign.job import CampaignJob
 from gantryctl.engineering.campaign.population import Campaign
 from gantryctl.engineering.campaign.result import ResultFolder
-from gantryctl.engineering.report.text import duration
+from gantryctl.engineering.report.meter import Meter
 from gantryctl.engineering.scheduler.job import Job
 from gantryctl.engineering.scheduler.pools import Pool
 from gantryctl.engineering.scheduler.schedule import run_job
@@ -24,9 +23,6 @@ from gantryctl.runtime import StateLock
 SURVEY: Final = 1000
 # New files of a long run that are merged at once: a listing of its folder stays short.
 MERGED_FILES: Final = 512
-# Lines of progress: the first after some seconds, then rarer and rarer.
-_FIRST_LINE_S: Final = 3.0
-_LINE_PART: Final = 0.1
 
 
 class RunEnd(NamedTuple):
@@ -52,30 +48,6 @@ def survey(campaign: Campaign) -> tuple[int, Counter[str]]:
     variation = Variation(campaign.controls[0].machine, campaign.varied_keys)
     answers = (variation.of(plant.values) for plant in campaign.plants(0, count))
     return count, Counter(str(answer) for answer in answers if isinstance(answer, RefusedValue))
-
-
-class _Progress:
-    """Tells how many rows are missing and how long they take."""
-
-    def __init__(self, say: Callable[[str], None], left: int, now_s: Callable[[], float]) -> None:
-        self._say, self._left, self._now_s = say, left, now_s
-        self._begun_s = self._next_s = math.inf
-        self._counted = 0
-
-    def advance(self, rows: int) -> None:
-        """So many rows more are there."""
-        now_s = self._now_s()
-        self._left -= rows
-        if self._begun_s == math.inf:
-            # The first chunk pays for imports: it says nothing about the others.
-            self._begun_s, self._next_s = now_s, now_s + _FIRST_LINE_S
-            return
-        self._counted += rows
-        if now_s < self._next_s or not self._left:
-            return
-        left_s = (now_s - self._begun_s) / self._counted * self._left
-        self._next_s = now_s + max(_FIRST_LINE_S, _LINE_PART * (now_s - self._begun_s))
-        self._say(f"  {self._left} rows left, about {duration(left_s)}")
 
 
 def run_campaign(
@@ -108,7 +80,7 @@ def run_campaign(
             say(f"{rows - left} of {rows} rows are there")
         computed = files = 0
         if left:
-            progress = _Progress(say, left, now_s)
+            meter = Meter(say, left, now_s)
             job = CampaignJob(campaign)
             with closing(pool_of(job)) as pool:
                 for chunk, found in run_job(missing, pool, job.pack, stopped):
@@ -117,6 +89,6 @@ def run_campaign(
                     files += 1
                     if files % MERGED_FILES == 0:
                         result.merge(head)
-                    progress.advance(chunk.size)
+                    meter.advance(chunk.size)
         result.merge(head)
         return RunEnd(rows, rows - left + computed, computed)

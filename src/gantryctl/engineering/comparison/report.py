@@ -93,7 +93,7 @@ def compare_report(
         plants: size of the ensemble; 0 for none.
         seed: of the tracker's noise and of the random plants.
         threads: default all processors; no effect on the result.
-        progress: called with the number of plants of the ensemble that are done.
+        progress: called with the number of rows that are done: of the variants, then of the ensemble.
 
     Raises:
         UsageError: the two are different machines.
@@ -103,7 +103,7 @@ def compare_report(
     calibrated = improved.control.compensation.needs_calibration
     calibration = check_calibration(improved, improved.plant.encoder.serial) if calibrated else None
     shown = variants(paper, improved)
-    found = figures_of(all_rows(VariantsJob(tuple(shown), seed), len(shown), threads))[_OWN]
+    found = figures_of(all_rows(VariantsJob(tuple(shown), seed), len(shown), threads, progress))[_OWN]
     rows = tuple((variant.name, figures) for variant, figures in zip(shown, found, strict=True))
     # 2.00 Hz in the linear plant of the reference machine, 1.92 Hz as identified: a wrong value costs little.
     identified_hz = calibration.identified.swing_hz if calibration else None
@@ -118,7 +118,14 @@ def compare_report(
         identified=tuple(comparisons(improved, calibration)) if calibration else (),
         profiles=tuple(profiles_at_equal_base_motion(paper, rows[0][1].base_um, swing_hz)),
         ensemble=(
-            ensemble(paper, improved, plants, seed=seed, threads=threads, progress=progress)
+            ensemble(
+                paper,
+                improved,
+                plants,
+                seed=seed,
+                threads=threads,
+                progress=None if progress is None else lambda done: progress(len(shown) + done),
+            )
             if plants
             else None
         ),

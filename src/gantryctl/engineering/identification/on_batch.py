@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
 from typing import Final
@@ -44,6 +44,7 @@ class SimulatedAxis:
     Args:
         seed: of the instrument's noise.
         run: moves the plant; no effect on the result.
+        advance: told after every motion how much time of the axis it has taken, s.
     """
 
     def __init__(
@@ -52,8 +53,9 @@ class SimulatedAxis:
         instrument: LoadInstrument = LoadInstrument.TRACKER,
         seed: int = 0,
         run: Runner = alone,
+        advance: Callable[[float], None] = lambda _: None,
     ) -> None:
-        self.machine, self._quiet, self._run = machine, quiet_machine(machine), run
+        self.machine, self._quiet, self._run, self._advance = machine, quiet_machine(machine), run, advance
         self._experiment = experiment_of(machine)
         sim = gantry_sim(machine)
         self._by_ring = instrument is LoadInstrument.LOAD_ENCODER
@@ -79,6 +81,7 @@ class SimulatedAxis:
         duration_s = plan.duration + self._experiment.settle_s
         self.time_s += duration_s
         log = self._run(self._loop, [Leg(plan, duration_s)], _COLUMNS)
+        self._advance(duration_s)
         ring, vel = log["pos_ring_rad"], log["vel_ref_rad_s"]
         seen = log["pos_load_rad"] + self._rng.normal(0.0, self._sigma_rad, len(log))
         return MoveLog(

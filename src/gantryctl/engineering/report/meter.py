@@ -17,33 +17,37 @@ _MOST: Final = 0.98
 
 
 class Meter:
-    """Tells how far a run of the axis has got.
+    """Tells how far a work has got.
 
     Args:
         say: a line for the person who watches.
-        expected_s: time of the axis that it takes, about; in virtual time the person waits less.
-        now_s: the clock of the person.
+        expected: how much work it is, about: seconds of the axis, plants, trials.
+        now_s: the clock of the person, who waits less than the axis does in virtual time.
 
     Attributes:
-        axis_s: time of the axis so far.
+        done: so much of it is done.
     """
 
-    def __init__(self, say: Callable[[str], None], expected_s: float, now_s: Callable[[], float]) -> None:
-        self._say, self._expected_s, self._now_s = say, expected_s, now_s
+    def __init__(self, say: Callable[[str], None], expected: float, now_s: Callable[[], float]) -> None:
+        self._say, self._expected, self._now_s = say, expected, now_s
         self._begun_s = now_s()
         self._next_s = self._begun_s + FIRST_S
-        self.axis_s = 0.0
+        self.done = 0.0
 
-    def advance(self, axis_s: float) -> None:
-        """So much time of the axis has passed."""
-        self.axis_s += axis_s
+    def advance(self, more: float) -> None:
+        """So much more of it is done."""
+        self.done += more
         now_s = self._now_s()
         if now_s < self._next_s:
             return
-        part = min(self.axis_s / self._expected_s, _MOST) if self.axis_s < self._expected_s else _MOST
+        part = min(self.done / self._expected, _MOST) if self.done < self._expected else _MOST
         left_s = max(1.0, (now_s - self._begun_s) * (1.0 - part) / max(part, 1e-6))
         self._next_s = now_s + max(FIRST_S, left_s / _LINES)
         self._say(f"  {100.0 * part:.0f} %, about {duration(left_s)} left")
+
+    def reach(self, done: float) -> None:
+        """So much of it is done in all."""
+        self.advance(done - self.done)
 
     def observer(self) -> Callable[[Snapshot], None]:
         """An observer of a run of the axis."""
