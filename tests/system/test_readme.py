@@ -174,7 +174,7 @@ def test_the_program_of_the_readme_prints_and_draws_what_it_says(capsys: pytest.
     page = (ROOT / "README.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(compile(program, "README.md", "exec"), {"__name__": "__main__"})  # noqa: S102 - what the reader does
-    said = re.search(r"15000 scans, the load stands at (\d+\.\d{3}) deg", capsys.readouterr().out)
+    said = re.search(r"20000 scans, the load stands at (\d+\.\d{3}) deg", capsys.readouterr().out)
     assert said
     # gear errors of this grade move the load by up to a hundredth of a degree
     assert float(said[1]) == pytest.approx(30.0, abs=0.01)
