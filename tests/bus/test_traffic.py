@@ -66,7 +66,7 @@ class TestInMotion:
         rig.inject("status_clear", value=0x200)
         rig.run(4.0)
         assert "bit 9" in rig.first_told
-        stopped(rig, begun, "DRV-05", QUICK_STOP_DEG[abs(speed)])
+        stopped(rig, begun, "DRV-05", TORQUE_OFF_DEG[abs(speed)])
 
     def test_an_emergency_message_without_a_fault(self, owner: str, scan_ms: float, speed: float) -> None:
         rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)

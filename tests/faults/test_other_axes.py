@@ -19,39 +19,37 @@ from gantryctl.engineering.faults.run import conditions_of, run_fault
 from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.program.alarms.codes import Code
+from support.fault_rows import seen_by
+from support.oracle.limits import bounds_of
 from support.oracle.taps import Oracle
 
 CONFIGS = ("azimuth_dish", "rotary_table")
-OPEN = {
-    # A motor that is stronger than its brake turns it: BRK-02 warns within 2 s, CTL-06 stops.
-    ("my_gantry", "C5"),
-    ("my_gantry", "C10"),
-    ("my_crane_slew", "C5"),
-    ("my_crane_slew", "C10"),
-    # The wind holds a part of the torque already: a shift by 0.68 of the rated torque is a stop, not a warning.
-    ("my_crane_slew", "B7"),
-    # Friction of the bearing is two thirds of the torque: what drags is less than 15 % of the rated torque beyond it.
-    ("my_wind_turbine_yaw", "C2"),
-}
-"""What is not as it must be, and why; decision 0019 says it too."""
+DRAFTS = tuple(f"draft of {name}" for name in template_names())
 
 
 @cache
 def axis_of(name: str) -> Machine:
     if name in CONFIGS:
         return load_machine(configs_folder() / f"{name}.toml")
-    values = sheet_values(Answered.of(load_template(name), {}), f"my_{name}")
-    return draft_with(drafted_sheet(values, "sheet"), load_motors(delivered_motors()), f"my_{name}").machine()
+    template = name.removeprefix("draft of ")
+    values = sheet_values(Answered.of(load_template(template), {}), f"my_{template}")
+    sheet = drafted_sheet(values, "sheet")
+    return draft_with(sheet, load_motors(delivered_motors()), f"my_{template}").machine()
 
 
-def against(machine: Machine, number: str) -> list[str]:
+def against(machine: Machine, number: str, oracle: Oracle) -> list[str]:
     """What is against a row on this axis; nothing where the axis cannot come into its phase."""
+    oracle.bounds = bounds_of(machine)
+    case = fault_case(number)
     try:
-        result = run_fault(fault_case(number), machine=machine)
+        result = run_fault(case, machine=machine)
     except UsageError as wrong:
+        oracle.forget()
         # Friction holds the load of a small table: a brake that does not hold lets nothing go, and nobody notices it.
         return [] if "held by torque" in str(wrong) else [f"{number}: {wrong}"]
-    return [f"{number}: {fault}" for fault in result.faults]
+    oracle.forget()
+    return [f"{number}: {fault}" for fault in (*result.faults, *seen_by(oracle, case))]
 
 
 def test_the_conditions_of_the_reference_gantry_are_its_highest_speed_where_its_moment_is_largest() -> None:
@@ -69,42 +67,59 @@ SPECIFIED = (
 )  # fmt: skip
 
 
+LATE_WEAK_BRAKE = {"control.scan_period_ms": 10.0, "brake.close_time_ms": 200.0, "brake.torque_nm": 380.0}
+"""What the specified ways allow for: scans of 10 ms, and the brake at the worst of 380 to 500 N m, within 200 ms."""
+
+
 @pytest.mark.parametrize(("reaction", "speed", "way"), SPECIFIED)
 def test_the_reference_gantry_keeps_what_is_specified_for_it(
     reaction: ReactionClass, speed: float, way: float
 ) -> None:
-    """The rule for any axis gives that gantry the same within a tenth, and 0.12 deg for what a monitor sees late."""
+    """The rule for any axis, without a fitted number, gives that gantry the same with its late and weak brake.
+
+    Within a tenth and 0.08 deg, which the specified ways have for what a following error sees at low speed; its usual
+    brake makes the rule stricter. A brake that slips has a rule of its own, by the moment: 0.162 deg.
+    """
     machine = default_machine()
     assert limit_deg(machine, reaction, -speed) == pytest.approx(way, rel=1e-12)
-    assert computed_deg(machine, reaction, speed) == pytest.approx(way, rel=0.1, abs=0.12)
+    assert computed_deg(machine, reaction, speed) <= way + 0.015
+    late = with_values(machine, LATE_WEAK_BRAKE)
+    assert computed_deg(late, reaction, speed) == pytest.approx(way, rel=0.11, abs=0.11)
 
 
 # One row of each reaction; oscillation and ramp are judged by the axis' own speed now.
 @pytest.mark.parametrize("number", ["A2", "B3", "B7", "C10", "D2", "D7", "D14"])
-def test_a_fault_on_the_rotary_table(number: str) -> None:
-    assert against(axis_of("rotary_table"), number) == []
+def test_a_fault_on_the_rotary_table(number: str, oracle: Oracle) -> None:
+    assert against(axis_of("rotary_table"), number, oracle) == []
 
 
-def test_a_limit_that_a_weak_brake_cannot_keep_is_told() -> None:
-    """The liar: the brake has a fifth of its torque behind the back of the limit."""
+def test_an_alarm_of_another_axis_is_none_of_the_reference_gantry() -> None:
+    """ENC-14 before BRK-14 is right where the brake stops the rotor within a scan, and wrong on the gantry."""
+    case = fault_case("C10")
+    assert Code.ENC_14 in case.codes_on(axis_of("rotary_table"))
+    slow = with_values(default_machine(), {"control.scan_period_ms": 10.0})
+    assert case.codes_on(slow) == (Code.BRK_14,)
+    dish = axis_of("azimuth_dish")
+    assert case.codes_on(dish) == (Code.BRK_14,), "its brake does not"
+
+
+def test_a_limit_that_a_weak_brake_cannot_keep_is_told(oracle: Oracle) -> None:
+    """The liar: the brake has a fifth of its torque behind the back of the limit. The oracle sees it, too."""
     machine = axis_of("rotary_table")
+    oracle.bounds = bounds_of(machine)
     weak = with_values(machine, {"plant.brake.torque_share": 0.2})
     result = run_fault(fault_case("D1"), machine=weak)
     assert result.way_deg > limit_deg(machine, ReactionClass.TORQUE_OFF, machine.speed.setting_max_deg_s)
+    assert oracle.caught("INV-1")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*template_names(), *CONFIGS])
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("name", [*DRAFTS, *CONFIGS])
 def test_every_fault_on_every_axis(name: str, oracle: Oracle) -> None:
     machine = axis_of(name)
     wrong = []
     for case in CATALOGUE:
         if case.judged and "sim" in case.buses:
-            found = against(machine, case.number)
-            # Its constants are the reference gantry's; ways, alarms and words are judged by the row and the true plant.
-            oracle.violations.clear()
-            if (machine.name, case.number) in OPEN:
-                assert found, f"{case.number} is right by now: take it out of OPEN"
-            else:
-                wrong += found
+            wrong += against(machine, case.number, oracle)
     assert wrong == []

@@ -335,10 +335,10 @@ RULES: Final[dict[type, Rules]] = {
     TorqueWatch: Rules(
         when=lambda _, roots: roots.axis.virtual.following,
         same="_pulled _suspicious",
-        number="_last_nm _mean_nm _missing _vel_start",
-        count="_blocked _heavy _leap _lost",
+        number="_fast_acc _fast_nm _free_acc _free_nm _last_nm _mean_nm _missing _pos_err_rad _vel_start",
+        count="_blocked _grips _heavy _leap _lost",
         fixed="_alarms _blocked_scans _deviation_max _effort_nm "
-        "_effort_share _feedback _heavy_nm _heavy_scans _holding "
+        "_effort_share _fast_share _feedback _grip_nm _grips_scans _per_acc _virtual _heavy_nm _heavy_scans _holding "
         "_known _leap_nm _leap_scans _lost_scans "
         "_mean_share _missing_max _nothing_nm _off_nm _off_scans _period_s _rated_nm _rise_nm _start _swing_scans",
         special={

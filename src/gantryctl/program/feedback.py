@@ -297,9 +297,7 @@ class Feedback:
     def _complaints(self, link: LinkFlag) -> None:
         """Raise what does not doubt the connection itself: SYNC, emergency messages."""
         if link & LinkFlag.NEVER_FOLLOWED:
-            words = Words.NEVER_FOLLOWED(limit=self._deviation_ms)
-            # As DRV-03: a drive that is not known to follow is not asked for a ramp.
-            self._alarms.raise_(Code.DRV_05, Reaction.TORQUE_OFF, measured=words)
+            self._alarms.raise_(Code.DRV_05, measured=Words.NEVER_FOLLOWED(limit=self._deviation_ms))
         if link & LinkFlag.EMERGENCY:
             self._alarms.raise_(Code.DRV_12, measured=self.error_words)
         if link & LinkFlag.EMERGENCY_FLOOD:

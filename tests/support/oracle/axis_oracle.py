@@ -11,7 +11,7 @@ from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm
 from support.oracle import limits
-from support.oracle.limits import StopClass
+from support.oracle.limits import REFERENCE, Bounds, StopClass
 from support.oracle.silence import Silence
 from support.oracle.words import Instant, Stop, judge_words
 
@@ -22,13 +22,9 @@ _STOPS: Final = Reaction.QUICK_STOP
 _SETTLES_MS: Final = 300
 # ms that the servo may take to follow a stop's last set-point, on top of its ramp.
 _COMES_TO_REST_MS: Final = 1500
-# A command of this size at the gantry, deg/s, is regulation at standstill, not motion.
-_REGULATION_DEG_S: Final = 0.05
 _LEASE_MS: Final = 250
 # ms in which a drive that switched itself off is told as an alarm: the heartbeat is missed after 150 ms.
 _TOLD_MS: Final = 200
-# A standing encoder is asked by at most 4096 of 524288 counts a motor turn, forth and back in some ms each.
-_DITHER_DEG: Final = 0.006
 # An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
 _CAUSE_MS: Final = 3000
 _AT_REST_MS: Final = 50
@@ -54,7 +50,7 @@ class AxisOracle:
     a promise.
 
     **INV-1, bounded stop.** From the onset of a known fault (else from the alarm) of a stop class to rest, the motor
-    side goes no further than the limit of the class (`limits.way_deg`), and rests in the time of the class; so it does
+    side goes no further than the limit of the class (`limits.Bounds`), and rests in the time of the class; so it does
     after the last command of a controller that commands no more (`silence`).
     **INV-2, no motion without a reason.** While the wire commands no speed and no stop is under way, the motor side
     stays within 0.15 deg; the shipped program commands a speed only while an operator's move, key with a living lease
@@ -76,6 +72,7 @@ class AxisOracle:
 
     Args:
         found: takes each violation, the first of each invariant.
+        bounds: limits of this axis.
 
     Attributes:
         ms: virtual time, samples since the first.
@@ -86,8 +83,9 @@ class AxisOracle:
         inside: samples are taken inside the scan, which is longer than a millisecond; `sim` takes them.
     """
 
-    def __init__(self, found: Callable[[Violation], None]) -> None:
+    def __init__(self, found: Callable[[Violation], None], bounds: Bounds = REFERENCE) -> None:
         self._found, self._seen = found, set[str]()
+        self.bounds = bounds
         self.ms = 0
         self.angle = self.speed = self.torque = 0.0
         self.energised, self.brake_open = False, False
@@ -142,10 +140,10 @@ class AxisOracle:
         speed, ramps = settings.speed, settings.ramps
         self._ratio = ratio = settings.law.ratio
         self._kpp = settings.law.kpp_per_s
-        self._sag = limits.SAG_DEG * k
+        self._sag = self.bounds.sag_deg * k
         self._speed_max = limits.OVERSPEED * speed.setting_max_rad_s * ratio
-        self._rest, self._told = limits.REST_DEG_S * k, limits.TOLD_DEG * k
-        self._settled = _REGULATION_DEG_S * k
+        self._rest, self._told = self.bounds.rest_deg_s * k, self.bounds.told_deg * k
+        self._settled = self.bounds.regulation_deg_s * k
         # Ramps of machines that need seconds to leave the speeds that look like regulation.
         self._creeps = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio < self._settled
         # The clamp is a float that the law reaches exactly.
@@ -278,7 +276,7 @@ class AxisOracle:
 
     def _check_origin(self, now: int, vel: float) -> None:
         """A speed without a person behind it, over more than a dither. Other programs move by their own logic."""
-        if self._stray <= _DITHER_DEG * self._deg:
+        if self._stray <= self.bounds.dither_deg * self._deg:
             return
         if type(self.program) is not GantryProgram:
             self._origin_ms = math.inf
@@ -322,7 +320,7 @@ class AxisOracle:
     def _requested(self, request: DriveRequest) -> None:
         before, self._request = self._request, request
         if request is _QUICK_STOP:
-            self._reason_ms = max(self._reason_ms, self.ms + round(1e3 * limits.REST_S[StopClass.QUICK]))
+            self._reason_ms = max(self._reason_ms, self.ms + round(1e3 * self.bounds.rest_s[StopClass.QUICK]))
         # A program that failed is replaced by the engine, which tells it as an exception (SYS-09).
         silent = self._axis is not None and self._axis.alarms.first_out is None and not self.program_over
         if silent and request is _QUICK_STOP and before is _ENABLE:
@@ -426,13 +424,13 @@ class AxisOracle:
         limit = self._speed_max
         onset = self._onset
         if self._feedback_fault():
-            limit += limits.FAULT_OVERSPEED_DEG_S * self._deg
+            limit += self.bounds.fault_overspeed_deg_s * self._deg
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
         low, high = self._low, self._high
         beyond = self.angle - high if self.angle > high else low - self.angle
         torque_off = self._stop is not None and self._stop.kind is not StopClass.QUICK
-        if beyond > (limits.BEYOND_DEG * self._deg if onset is not None or torque_off else 0.0):
+        if beyond > (self.bounds.beyond_deg * self._deg if onset is not None or torque_off else 0.0):
             self.say(
                 "INV-3",
                 f"true angle {(self.angle + self.offset) / self._deg:.3f} deg, {beyond / self._deg:.3f} deg beyond",
@@ -525,14 +523,14 @@ class AxisOracle:
         stop.slow_ms = stop.slow_ms + 1 if slow else 0
         way = abs(self.angle - stop.onset.angle) / self._deg
         from_deg_s = stop.onset.speed / self._deg
-        allowed = limits.way_deg(stop.kind, from_deg_s) + abs(from_deg_s) * self._late_s
+        allowed = self.bounds.way_deg(stop.kind, from_deg_s) + abs(from_deg_s) * self._late_s
         if way > allowed and not stop.ended:
             self.say(
                 "INV-1",
                 f"{stop.alarm.code}, {stop.kind.value} from {from_deg_s:.2f} deg/s: "
                 f"{way:.3f} deg, at most {allowed:.3f}",
             )
-        if not slow and now - stop.told.ms > 1e3 * limits.REST_S[stop.kind]:
+        if not slow and now - stop.told.ms > 1e3 * self.bounds.rest_s[stop.kind]:
             late = (now - stop.told.ms) * 1e-3
             self.say("INV-1", f"{stop.alarm.code}: still {speed / self._deg:.3f} deg/s after {late:.2f} s")
         if stop.slow_ms >= _AT_REST_MS and (not self.brake_open or self.energised):

@@ -1,9 +1,19 @@
-"""Limits of the invariants, at the gantry, on the true motor side, each with its reason."""
+"""Limits of the invariants, at the axis, on the true motor side, each with its reason."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Final
+
+from gantryctl.engineering.faults.case import ReactionClass
+from gantryctl.engineering.faults.limits import brake_slip_deg, computed_deg
+from gantryctl.engineering.stops import StopClass as SimulatedStop
+from gantryctl.engineering.stops import worst_stop
+from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import driven_acc_deg_s2
 
 
 class StopClass(Enum):
@@ -26,7 +36,7 @@ _WAYS_DEG: Final = {
 }
 # deg, for a fault at standstill or at the first motion, whatever its class.
 _FROM_REST_DEG: Final = 0.35
-REST_S: Final = {
+_REST_S: Final = {
     StopClass.QUICK: 1.5,
     StopClass.TORQUE_OFF: 1.5,
     StopClass.FEEDBACK: 1.6,
@@ -39,22 +49,85 @@ SILENT_MS: Final = 20
 BRAKE_BEGINS_S: Final = 0.15
 """A brake that closes by itself has its torque this long after it began to close (fault catalogue C5)."""
 
-SAG_DEG: Final = 0.15
-"""Motion without a reason, in total: the brake that slips and is caught (C4)."""
-TOLD_DEG: Final = 0.05
-"""Every angle that is told."""
 TOLD_WRONG_S: Final = 0.1
 """So long may an angle be wrong before it is called not valid: an alarm is told within 100 ms."""
 BRAKE_CLOSES_S: Final = 0.2
 """Dead time of the brake by its specification."""
-BEYOND_DEG: Final = 4.5
-"""So far beyond over-travel, or into a no-go sector, a stop of a fault may end: its largest way, from 6 deg/s."""
 OVERSPEED: Final = 1.1
 """Part of the highest speed setting that the true speed never passes without a fault of the feedback."""
-FAULT_OVERSPEED_DEG_S: Final = 1.2
-"""What a fault of the feedback may add before the torque is off."""
-REST_DEG_S: Final = 0.05
-"""Slower is no motion: a tenth of what the load swings with after a quick stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Limits that go with the axis; the defaults are those of the reference gantry.
+
+    Attributes:
+        sag_deg: motion without a reason, in total: the brake that slips and is caught (C4).
+        told_deg: every angle that is told.
+        beyond_deg: so far beyond over-travel, or into a no-go sector, a stop of a fault may end: its largest way, from
+            the highest speed.
+        fault_overspeed_deg_s: what a fault of the feedback may add before the torque is off.
+        rest_deg_s: slower is no motion: a tenth of what the load swings with after a quick stop.
+        regulation_deg_s: a command of this size is regulation at standstill, not motion.
+        told_rest_deg_s: from the time that is told as "at rest after" on; the controller judges at a fifth.
+        dither_deg: a standing encoder is asked by at most so much, forth and back in some ms each.
+        rest_s: time to rest by class. way_deg: permitted way by class and speed.
+    """
+
+    sag_deg: float
+    told_deg: float
+    beyond_deg: float
+    fault_overspeed_deg_s: float
+    rest_deg_s: float
+    regulation_deg_s: float
+    told_rest_deg_s: float
+    dither_deg: float
+    rest_s: Mapping[StopClass, float]
+    way_deg: Callable[[StopClass, float], float]
+
+
+def bounds_of(machine: Machine) -> Bounds:
+    """The same for any axis: speeds as parts of its highest one, ways and times of its own brake and ramp."""
+    top = machine.speed.setting_max_deg_s
+    part = top / _TOP_DEG_S
+    brake_s = worst_stop(machine, SimulatedStop.BRAKE, top).time_s + _AT_REST_SPARE_S
+    quick_s = top / machine.virtual_axis.quick_dec_deg_s2 + _AT_REST_SPARE_S
+    return Bounds(
+        sag_deg=max(brake_slip_deg(machine), _SAG_SLIPS * machine.brake.sag_max_deg),
+        told_deg=REFERENCE.told_deg * max(1.0, part),
+        beyond_deg=computed_deg(machine, ReactionClass.FEEDBACK, top),
+        fault_overspeed_deg_s=_driven_away_deg_s(machine),
+        rest_deg_s=REFERENCE.rest_deg_s * part,
+        regulation_deg_s=REFERENCE.regulation_deg_s * part,
+        told_rest_deg_s=REFERENCE.told_rest_deg_s * part,
+        dither_deg=_DITHER_TURNS * 360.0 / machine.axis.ratio,
+        rest_s={
+            StopClass.QUICK: quick_s,
+            StopClass.TORQUE_OFF: brake_s,
+            StopClass.FEEDBACK: brake_s + 0.1,
+            StopClass.SILENCE: brake_s + 0.2,
+        },
+        way_deg=partial(_computed_way_deg, machine),
+    )
+
+
+def _driven_away_deg_s(machine: Machine) -> float:
+    """Speed that all torque makes until the following error trips: the rotor is that much faster, or swings up to it.
+
+    1.6 deg/s on the reference gantry, where 1.2 are specified.
+    """
+    monitors, acc = machine.monitors, driven_acc_deg_s2(machine)
+    top, scan_ms = machine.speed.setting_max_deg_s, machine.control.scan_period_ms
+    band_deg = monitors.following_error_base_deg + monitors.following_error_per_speed_s * top
+    trips_s = (2.0 * band_deg / acc) ** 0.5
+    return acc * (trips_s + 1e-3 * (monitors.following_error_time_ms + 2.0 * scan_ms))
+
+
+def _computed_way_deg(machine: Machine, kind: StopClass, speed_deg_s: float) -> float:
+    speed = abs(speed_deg_s)
+    if kind is StopClass.SILENCE:
+        return computed_deg(machine, ReactionClass.TORQUE_OFF, speed) + 0.2 * speed
+    return computed_deg(machine, _REACTIONS[kind], speed)
 
 
 def way_deg(kind: StopClass, speed_deg_s: float) -> float:
@@ -66,3 +139,29 @@ def way_deg(kind: StopClass, speed_deg_s: float) -> float:
     else:
         share = middle + (high - middle) * (speed - 3.0) / 3.0
     return max(_FROM_REST_DEG, share * speed)
+
+
+REFERENCE: Final = Bounds(
+    sag_deg=0.15,
+    told_deg=0.05,
+    beyond_deg=4.5,
+    fault_overspeed_deg_s=1.2,
+    rest_deg_s=0.05,
+    regulation_deg_s=0.05,
+    told_rest_deg_s=0.1,
+    dither_deg=0.006,
+    rest_s=_REST_S,
+    way_deg=way_deg,
+)
+_TOP_DEG_S: Final = 6.0
+# Of the motor: 4096 of 524288 counts, and the way back.
+_DITHER_TURNS: Final = 2.0 * 4096.0 / 524288.0
+# Until torque holds what a brake lets go it sinks by some times of what is noticed.
+_SAG_SLIPS: Final = 7.5
+# Above the time of the simulated stop: the 50 ms of a rest that lasts, the time to see it, the load that swings on.
+_AT_REST_SPARE_S: Final = 0.6
+_REACTIONS: Final = {
+    StopClass.QUICK: ReactionClass.QUICK_STOP,
+    StopClass.TORQUE_OFF: ReactionClass.TORQUE_OFF,
+    StopClass.FEEDBACK: ReactionClass.FEEDBACK,
+}

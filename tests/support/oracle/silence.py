@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from support.oracle import limits
 from support.oracle.limits import StopClass
 from support.oracle.words import Instant
 
@@ -29,15 +28,15 @@ class Silence:
         speed = true.deg(true.speed)
         if self._rest_angle is not None:
             moved = true.deg(true.angle - self._rest_angle)
-            if not -limits.SAG_DEG <= moved <= limits.SAG_DEG:
+            if not -true.bounds.sag_deg <= moved <= true.bounds.sag_deg:
                 true.say("INV-2", f"moved {moved:.3f} deg at rest, and nobody commands")
             return
         way = abs(true.deg(true.angle - last.angle))
-        allowed = limits.way_deg(StopClass.SILENCE, true.deg(last.speed))
+        allowed = true.bounds.way_deg(StopClass.SILENCE, true.deg(last.speed))
         if way > allowed:
             true.say("INV-1", f"{way:.3f} deg since the last command, at most {allowed:.3f}")
-        if passed_s > limits.REST_S[StopClass.SILENCE]:
-            if abs(speed) > limits.REST_DEG_S:
+        if passed_s > true.bounds.rest_s[StopClass.SILENCE]:
+            if abs(speed) > true.bounds.rest_deg_s:
                 true.say("INV-1", f"still {speed:.3f} deg/s {passed_s:.2f} s after the last command")
             else:
                 self._rest_angle = true.angle

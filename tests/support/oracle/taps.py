@@ -44,6 +44,8 @@ class Oracle:
 
     def __init__(self) -> None:
         self.violations: list[Violation] = []
+        self.bounds = limits.REFERENCE
+        """Of the axes from now on; a test of another axis than the reference gantry sets its own."""
         self.axes: dict[int, AxisOracle] = {}
         self._kept: list[object] = []
         self.last: tuple[Any, InputImage] | None = None
@@ -52,7 +54,7 @@ class Oracle:
         """The oracle of the axis with this plant (a `SimDrive` or a `DrivePlant`)."""
         axis = self.axes.get(id(plant))
         if axis is None:
-            axis = self.axes[id(plant)] = AxisOracle(self.violations.append)
+            axis = self.axes[id(plant)] = AxisOracle(self.violations.append, self.bounds)
             if faults is not None:
                 self.axes[id(faults)] = axis
             self._kept += [plant, faults]

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.alarms.words import Said, Words
-from support.oracle import limits
 from support.oracle.limits import StopClass
 
 if TYPE_CHECKING:
     from support.oracle.axis_oracle import AxisOracle
 
-# deg/s at the motor side from the time that is told as "at rest after" on; the controller judges at 0.02.
-_AT_REST_DEG_S: Final = 0.1
 # ms besides the scans: a contact, or a closing time that stands for one, may be told later than the brake acts.
 _EARLY_MS: Final = 3.0
 _LATE_MS: Final = 60.0
@@ -77,24 +74,24 @@ def judge_words(alarm: Alarm, stop: Stop, true: AxisOracle) -> Iterator[str]:
 
 def _nothing_on(_: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
     told = stop.told
-    if told.energised or told.brake_open or abs(true.deg(told.speed)) > limits.REST_DEG_S:
+    if told.energised or told.brake_open or abs(true.deg(told.speed)) > true.bounds.rest_deg_s:
         yield f"nothing was switched on, but torque {told.energised}, brake open {told.brake_open}"
 
 
 def _moved(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
     moved = abs(true.deg(true.angle - stop.told.angle))
-    if not abs(values["way"] - moved) <= limits.TOLD_DEG:
+    if not abs(values["way"] - moved) <= true.bounds.told_deg:
         yield f"moved {values['way']:.3f} deg is told, true {moved:.3f}"
     position = true.deg(true.angle + true.offset)
     # Within the turn that people read: whole turns are no difference.
-    if not abs(math.remainder(values["position"] - position, 360.0)) <= limits.TOLD_DEG:
+    if not abs(math.remainder(values["position"] - position, 360.0)) <= true.bounds.told_deg:
         yield f"position {values['position']:.3f} deg is told, true {position:.3f}"
 
 
 def _at_rest(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
     time_ms = values["time_ms"]
     after = stop.speeds[math.ceil(time_ms + true.scans_ms(_SCANS)) :]
-    if after and max(after) > _AT_REST_DEG_S:
+    if after and max(after) > true.bounds.told_rest_deg_s:
         yield f"at rest after {time_ms:.0f} ms is told, {max(after):.3f} deg/s later"
 
 

@@ -172,7 +172,7 @@ def test_a16_old_readings():
         (LinkFlag.HEARTBEAT_LOST, "CAN-06", Reaction.TORQUE_OFF),
         (LinkFlag.NOT_OPERATIONAL, "CAN-13", Reaction.TORQUE_OFF),
         (LinkFlag.OTHER_MASTER, "CAN-12", Reaction.QUICK_STOP),
-        (LinkFlag.IGNORES_COMMAND, "DRV-05", Reaction.QUICK_STOP),
+        (LinkFlag.IGNORES_COMMAND, "DRV-05", Reaction.TORQUE_OFF),
         (LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL, "DRV-11", Reaction.TORQUE_OFF),
     ],
 )

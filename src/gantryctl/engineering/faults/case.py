@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from gantryctl.engineering.faults.injection import Injection
+from gantryctl.machine import Machine
+from gantryctl.machine.reference import is_reference_machine
 from gantryctl.program.alarms.codes import Code
 
 
@@ -45,6 +48,28 @@ class ReactionClass(Enum):
     NONE = "none"
 
 
+class SeenBy(Enum):
+    """The monitor whose time a fault takes to be seen."""
+
+    CLASS = "any of its class"
+    SATURATION = "torque at its limit while the following error grows"
+    BRAKE_CONTACT = "contact of the brake"
+    WINDING = "temperature of the winding"
+    RAMP = "speed above the ramp of the quick stop"
+
+
+class Instead(NamedTuple):
+    """An alarm that comes first on axes of another physics than the reference gantry.
+
+    Attributes:
+        why: what of the axis decides it, for people. where: whether an axis is so; never asked of the reference gantry.
+    """
+
+    code: Code
+    why: str
+    where: Callable[[Machine], bool]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultCase:
     """One run of a fault: how it is injected, what must happen, and what a person reads.
@@ -56,7 +81,7 @@ class FaultCase:
         title: the fault in a few words.
         detected_by: monitor and its threshold.
         reaction: class whose limit holds.
-        codes: alarm that may come first; () where none comes.
+        codes: alarm that may come first; () where none comes. instead: what other axes may tell first, and which.
         reads: what the operator reads, in a few words.
         phase: where the fault begins.
         buses: drives on which it can be injected.
@@ -64,8 +89,7 @@ class FaultCase:
         position_valid: at the end; None: not judged.
         also: alarm that must come too. rests: False: nothing is left that could hold the load.
         hold: the drive may be enabled again to hold the load.
-        seen_after_s: time that the monitor needs beyond that of its class.
-        by_ramp: seen when the speed is above the ramp of the quick stop by what it may deviate.
+        seen_by: the monitor that sees it, where it takes longer than its class.
         from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
         judged: False: nothing is demanded of the run, it is shown.
     """
@@ -76,6 +100,7 @@ class FaultCase:
     reaction: ReactionClass
     injections: tuple[Injection, ...]
     codes: tuple[Code, ...] = ()
+    instead: tuple[Instead, ...] = ()
     reads: str = ""
     phase: Phase = Phase.CRUISE
     buses: tuple[Literal["sim", "bus"], ...] = ("sim", "bus")
@@ -84,7 +109,12 @@ class FaultCase:
     also: Code | None = None
     rests: bool = True
     hold: bool = False
-    seen_after_s: float = 0.0
-    by_ramp: bool = False
+    seen_by: SeenBy = SeenBy.CLASS
     from_deviation: bool = False
     judged: bool = True
+
+    def codes_on(self, machine: Machine) -> tuple[Code, ...]:
+        """Alarms that may come first on this axis."""
+        if is_reference_machine(machine):
+            return self.codes
+        return (*self.codes, *(each.code for each in self.instead if each.where(machine)))

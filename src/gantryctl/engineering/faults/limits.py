@@ -1,4 +1,9 @@
-"""Permitted way from a fault to rest, true motor-side angle, by class and speed."""
+"""Permitted way from a fault to rest, true motor-side angle, by class and speed.
+
+Of any axis: the time in which its monitors see the fault, at the speed of the motion, and the brake stop of its own
+brake from there, on its full plant (`engineering.stops`), and 2 %. For the reference gantry ways are specified, which
+hold there instead. Its brake may close in 200 ms and hold 380 N m, where its machine file has 150 ms and 400 N m.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +13,24 @@ from typing import Final
 
 import numpy as np
 
-from gantryctl.engineering.faults.case import ReactionClass
+from gantryctl.engineering.faults.case import ReactionClass, SeenBy
 from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.machine import Machine
 from gantryctl.machine.reference import is_reference_machine
-from gantryctl.machine.rules.reaction import REACTION_S
+from gantryctl.machine.rules.reaction import REACTION_S, driven_acc_deg_s2, sinking_acc_deg_s2
 from gantryctl.units import deg
+from gantryctl.wiring.program import axis_settings
 from gantryctl.wiring.simulator import eccentric_moment_nm, plant_params
 
 _MARGIN: Final = 1.02
+_MS: Final = 1e-3
 _DRIVE_TICK_S: Final = 1e-3
 # The load swings on by up to so much of the highest speed after a stop: 0.53 of 6 deg/s (power/sequence.py).
 _SWING_SHARE: Final = 0.09
 # A refused command leaves the set-point alone: what the load sways at rest, in parts of the required angle.
 _REFUSED_SHARE: Final = 0.2
-# From the fault to torque off: the slowest of these monitors at scans of 10 ms, and the way of the command.
-_OFF_S: Final = 0.17
-# A drive whose encoder or sign is spoilt accelerates by all its torque until it is seen.
-_SPOILT_S: Final = 0.085
-# What is seen by a following error has come so many times as far as trips at rest.
-_SEEN: Final = 3.0
+# One scan sees it, and one brings the command to the drive.
+_SCANS: Final = 2.0
 # Specified for the reference gantry, deg/s and deg: torque off and brake, and the same after the time that a spoilt
 # encoder takes to be seen, the drive's own loop accelerating meanwhile. They stand above what is computed here.
 _TORQUE_OFF: Final = ((0.0, 0.35), (1.0, 0.45), (3.0, 1.4), (6.0, 3.6))
@@ -40,37 +43,57 @@ _SPECIFIED: Final = {
 }
 # Torque again after a brake that slips: enable, and the drive's own sequence.
 _HOLD_S: Final = 0.5
+# How long a winding is too hot before it is believed (`program.monitors.thermal`).
+_HOT_S: Final = 0.1
+# How long the ramp of a quick stop must be left (`program.power.ramp_watch`).
+_LEFT_RAMP_S: Final = 0.050
 
 
-def limit_deg(machine: Machine, reaction: ReactionClass, speed_deg_s: float) -> float:
-    """Permitted way, deg at the gantry; infinite for classes that do not stop the axis in a hurry."""
+def limit_deg(
+    machine: Machine, reaction: ReactionClass, speed_deg_s: float, seen_by: SeenBy = SeenBy.CLASS
+) -> float:
+    """Permitted way, deg at the gantry; infinite for classes that do not stop the axis in a hurry.
+
+    Args:
+        seen_by: the monitor that sees the fault, where it takes longer than its class. The ways specified for the
+            reference gantry hold for every monitor of torque off.
+    """
     speed = abs(speed_deg_s)
     if reaction in _SPECIFIED and is_reference_machine(machine):
         speeds, ways = zip(*_SPECIFIED[reaction], strict=True)
         return float(np.interp(speed, speeds, ways))
-    return computed_deg(machine, reaction, speed)
+    return computed_deg(machine, reaction, speed, seen_by)
 
 
-def computed_deg(machine: Machine, reaction: ReactionClass, speed: float) -> float:
+def computed_deg(
+    machine: Machine, reaction: ReactionClass, speed: float, seen_by: SeenBy = SeenBy.CLASS
+) -> float:
     """The same from the axis alone, whatever is specified; `speed` is at least 0 deg/s."""
+    seen_s = _seen_s(machine, seen_by)
     match reaction:
         case ReactionClass.QUICK_STOP:
-            return _quick_stop_deg(machine, speed) if speed > 0.0 else standstill_deg(machine)
+            if speed == 0.0:
+                return standstill_deg(machine)
+            return _quick_stop_deg(machine, speed) + speed * max(0.0, seen_s - REACTION_S)
         case ReactionClass.DRIVE_DEADLINE:
             # The last command, the deadline, the drive's own period; at 50 ms and scans of 10 ms a little above the
             # 60 ms of every other quick stop.
-            seen_s = 1e-3 * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
-            late_s = max(0.0, seen_s - REACTION_S)
+            missed_s = 1e-3 * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
+            late_s = max(0.0, missed_s - REACTION_S)
             # A brake that nobody works any more by 60FE closes after the drive has taken its torque off: meanwhile
             # the motor goes with the swing of the load.
-            free_s = machine.brake.close_time_ms * 1e-3 if machine.brake.owner == "object_60FE" else 0.0
+            free_s = machine.brake.close_time_ms * _MS if machine.brake.owner == "object_60FE" else 0.0
             return _quick_stop_deg(machine, speed) + _MARGIN * (
                 late_s * speed + free_s * _SWING_SHARE * machine.speed.setting_max_deg_s
             )
         case ReactionClass.TORQUE_OFF:
-            return max(_torque_off_deg(machine, speed), standstill_deg(machine))
+            # Where the drive has lost its torque the eccentric moment of the check has the axis meanwhile.
+            way = _driven_deg(machine, speed, sinking_acc_deg_s2(machine), seen_s)
+            return max(way, standstill_deg(machine))
         case ReactionClass.FEEDBACK:
-            return _torque_off_deg(machine, speed + _runaway_deg_s(machine))
+            if seen_by is SeenBy.CLASS:
+                return _driven_deg(machine, speed, driven_acc_deg_s2(machine), _spoilt_s(machine))
+            return _driven_deg(machine, speed, 0.0, seen_s)
         case ReactionClass.STANDSTILL:
             return standstill_deg(machine)
         case ReactionClass.BRAKE_SLIP:
@@ -82,8 +105,8 @@ def computed_deg(machine: Machine, reaction: ReactionClass, speed: float) -> flo
 
 
 def standstill_deg(machine: Machine) -> float:
-    """Way of an axis that stands when its drive runs away: 0.36 deg on the reference gantry."""
-    return _torque_off_deg(machine, _runaway_deg_s(machine))
+    """Way of an axis that stands when its drive runs away: 0.20 deg on the reference gantry."""
+    return _driven_deg(machine, 0.0, driven_acc_deg_s2(machine), _spoilt_s(machine))
 
 
 def brake_slip_deg(machine: Machine) -> float:
@@ -99,22 +122,44 @@ def _inertia_kg_m2(machine: Machine) -> float:
     return plant.inertia_load_kg_m2 + plant.ratio**2 * plant.inertia_motor_kg_m2
 
 
-def _runaway_deg_s(machine: Machine) -> float:
-    """Speed that a drive adds by all its torque, with the moment of the check, before it is seen."""
-    torque_nm = (
-        machine.motor.torque_max_nm * machine.axis.ratio + machine.plant.load.eccentric_check_moment_nm
-    )
-    return _SPOILT_S * deg(torque_nm / _inertia_kg_m2(machine))
+def _seen_s(machine: Machine, seen_by: SeenBy) -> float:
+    """From the fault until torque off or the ramp is commanded."""
+    monitors, scans_s = machine.monitors, _SCANS * machine.control.scan_period_ms * _MS
+    match seen_by:
+        case SeenBy.CLASS:
+            return REACTION_S
+        case SeenBy.SATURATION:
+            return monitors.torque_saturation_time_ms * _MS + scans_s
+        case SeenBy.BRAKE_CONTACT:
+            return monitors.brake_feedback_time_ms * _MS + REACTION_S
+        case SeenBy.WINDING:
+            return REACTION_S + _HOT_S
+        case SeenBy.RAMP:
+            above_s = monitors.velocity_deviation_deg_s / machine.virtual_axis.quick_dec_deg_s2
+            return REACTION_S + above_s + _LEFT_RAMP_S + scans_s
 
 
-@functools.lru_cache(maxsize=256)
-def _torque_off_deg(machine: Machine, speed_deg_s: float) -> float:
-    stop = worst_stop(machine, StopClass.BRAKE, speed_deg_s)
-    seen_deg = _SEEN * machine.monitors.following_error_base_deg
-    return (_OFF_S * speed_deg_s + stop.angle_deg) * _MARGIN + seen_deg
+def _spoilt_s(machine: Machine) -> float:
+    """Until a drive with a spoilt encoder or sign is seen: it drives away by all its torque, or its count stands."""
+    monitors = machine.monitors
+    deviates_s = monitors.velocity_deviation_deg_s / driven_acc_deg_s2(machine)
+    frozen_s = axis_settings(machine).monitors.encoder_frozen_time_s
+    seen_s = max(deviates_s + monitors.velocity_deviation_time_ms * _MS, frozen_s)
+    return seen_s + _SCANS * machine.control.scan_period_ms * _MS
+
+
+def _driven_deg(machine: Machine, speed_deg_s: float, acc_deg_s2: float, seen_s: float) -> float:
+    """Way of an axis that is driven on by this acceleration until it is seen, and of the brake stop from there."""
+    driven_deg = speed_deg_s * seen_s + 0.5 * acc_deg_s2 * seen_s**2
+    return (driven_deg + _brake_stop_deg(machine, speed_deg_s + acc_deg_s2 * seen_s)) * _MARGIN
 
 
 # Each answer takes four simulated stops.
+@functools.lru_cache(maxsize=256)
+def _brake_stop_deg(machine: Machine, speed_deg_s: float) -> float:
+    return worst_stop(machine, StopClass.BRAKE, speed_deg_s).angle_deg
+
+
 @functools.lru_cache(maxsize=64)
 def _quick_stop_deg(machine: Machine, speed_deg_s: float) -> float:
     stop = worst_stop(machine, StopClass.QUICK, speed_deg_s)

@@ -21,7 +21,6 @@ from gantryctl.engineering.faults.limits import limit_deg
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.machine.places import heaviest_deg, reach_deg
-from gantryctl.machine.reference import is_reference_machine
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.units import deg
@@ -295,11 +294,7 @@ def _judged(
     refused = () if refusal is None or axis.refusal_count == before.refusals else (refusal.code.value,)
     first_out = first.code.value if first is not None else ""
     speed = abs(speed_deg_s) if case.phase.moves else 0.0
-    seen_s = case.seen_after_s
-    # The way of the reference gantry is specified, with the time in which its ramp shows.
-    if case.by_ramp and not is_reference_machine(machine):
-        seen_s += machine.monitors.velocity_deviation_deg_s / machine.virtual_axis.quick_dec_deg_s2
-    limit = limit_deg(machine, case.reaction, speed) + speed * seen_s
+    limit = limit_deg(machine, case.reaction, speed, case.seen_by)
     true_deg = bench.pos_deg + offset_deg
     result = FaultResult(
         number=case.number,
@@ -349,24 +344,26 @@ def _against(
         # Friction holds the load, so nothing slips.
         return wrong
     if not bench.target.silent:
-        wrong += _told(case, result, alarms, offset_deg)
+        wrong += _told(case, bench.machine, result, alarms, offset_deg)
         if result.enables > int(case.hold):
             wrong.append(f"the drive was enabled {result.enables} times after the alarm; nobody asked for it")
     return wrong
 
 
-def _told(case: FaultCase, result: FaultResult, alarms: list[Alarm], offset_deg: float) -> list[str]:
+def _told(
+    case: FaultCase, machine: Machine, result: FaultResult, alarms: list[Alarm], offset_deg: float
+) -> list[str]:
     """What the operator reads and is not true."""
-    wrong = []
+    wrong, codes = [], case.codes_on(machine)
     # A reaction shows as the first alarm that stopped, a warning as any.
     seen = (result.first_out,) if case.reaction in _STOPS else result.codes
-    if case.codes and not set(seen) & set(case.codes):
+    if codes and not set(seen) & set(codes):
         told = " ".join(result.codes) or "nothing"
-        expected = "/".join(case.codes)
+        expected = "/".join(codes)
         wrong.append(f"told {told}, first {result.first_out or '-'}; expected {expected}")
     if case.also is not None and case.also not in result.codes:
         wrong.append(f"told {' '.join(result.codes) or 'nothing'}; {case.also} should have come")
-    if not case.codes and result.first_out:
+    if not codes and result.first_out:
         wrong.append(f"stopped by {result.first_out}; nothing should have")
     if case.position_valid is not None and result.position_valid is not case.position_valid:
         wrong.append(f"the position is told to be {'valid' if result.position_valid else 'not valid'}")

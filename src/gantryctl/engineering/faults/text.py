@@ -90,6 +90,7 @@ def _case_lines(case: FaultCase) -> list[str]:
         f"told         {case.reads or '-'}",
         f"injected on  {' and '.join(case.buses)}",
     ]
+    lines += [f"elsewhere    {each.code} where {each.why}" for each in case.instead]
     lines += [f"injection    {each.text}" for each in case.injections]
     return lines
 
@@ -117,6 +118,7 @@ def _case_data(case: FaultCase) -> dict[str, Any]:
         "detected_by": case.detected_by,
         "reaction": case.reaction.value,
         "codes": list(case.codes),
+        "instead": [{"code": each.code, "why": each.why} for each in case.instead],
         "reads": case.reads,
         "on": list(case.buses),
         "injections": [each.model_dump(mode="json") for each in case.injections],

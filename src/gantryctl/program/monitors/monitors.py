@@ -117,7 +117,7 @@ class Monitors:
         self.drag = DragWatch(settings, feedback, virtual, holding, alarms)
         self._oscillation = Oscillation(settings, alarms)
         self._swing_max = self._oscillation.limit_rad_s
-        self._torque_watch = TorqueWatch(settings, feedback, holding, alarms)
+        self._torque_watch = TorqueWatch(settings, feedback, virtual, holding, alarms)
         self.reset()
 
     def reset(self) -> None:
@@ -148,7 +148,7 @@ class Monitors:
             self._velocity_deviation(vel, vel_cmd_rad_s / self._ratio)
         elif self._deviation_count:
             self._deviation_count = 0
-        self._torque_watch.scan(deviation)
+        self._torque_watch.scan(deviation, pos_err_rad)
         swing = vel - vel_ref
         if not -self._swing_max <= swing <= self._swing_max:
             self._oscillation.scan(swing)

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from gantryctl.engineering.faults.kinds.kind import Argument, Place, Table, Undo, enters, standing
+from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.faults.target import Target
 from gantryctl.units import rad
 
@@ -26,6 +27,8 @@ INPUTS: Final = (
 _NUMBER: Final = Argument(float, -1e12, 1e12)
 _SHARE: Final = Argument(float, 0.0, 1.0)
 _RATED: Final = Argument(float, -100.0, 100.0)
+# Where an eccentric moment has next to no torque, no moment of any size is told.
+_SINE_LEAST: Final = 0.1
 
 # --- encoder ---------------------------------------------------------------------------------------------------------
 
@@ -231,20 +234,30 @@ def _set(target: Target, name: str, value: float) -> Undo:
 )
 def _motor_friction(target: Target, beyond_load_share: float, over_s: float) -> Undo:
     """Friction of the motor grows until its torque is what any load asks for (the torque the brake is tested with) and
-    this part of the rated torque.
+    this part of the rated torque, in the mean of the gusts.
     """
-    machine, engine = target.machine, target.engine
-    feedback = engine.image.drive
-    now_nm = math.copysign(1.0, feedback.vel_act_rad_s) * feedback.torque_act_nm
+    machine, feedback = target.machine, target.engine.image.drive
+    sign = math.copysign(1.0, feedback.vel_act_rad_s)
+    now_nm = sign * feedback.torque_act_nm
+    if machine.plant.switches.wind:
+        # A gust is gone before the drag is told.
+        wind_nm = machine.plant.wind.moment_nm / machine.axis.ratio
+        now_nm = friction_nm(machine, feedback.vel_act_rad_s) - sign * wind_nm
     beyond_nm = machine.brake.test_torque_nm + beyond_load_share * machine.motor.torque_rated_nm - now_nm
     return _to_value(target, "motor_coulomb_nm", target.plant_value("motor_coulomb_nm") + beyond_nm, over_s)
 
 
 @kind(Place.PLANT, "load_shift", rated_share=_RATED, over_s=Argument(float, 1e-3, 3600.0))
 def _load_shift(target: Target, rated_share: float, over_s: float) -> Undo:
-    """Eccentric moment goes to this part of the rated torque, at the axis, in a time."""
+    """Eccentric moment grows, in a time, until with the wind this part of the rated torque must hold it."""
     machine = target.machine
-    moment_nm = rated_share * machine.motor.torque_rated_nm * machine.axis.ratio
+    held_nm = (rated_share * machine.motor.torque_rated_nm + friction_nm(machine)) * machine.axis.ratio
+    # It acts by the sine of the angle; the mean of the wind acts everywhere, and the load shifts the way it blows.
+    at_rad = target.device.truth()[2] / machine.axis.ratio
+    sine = math.sin(at_rad - rad(machine.plant.load.eccentric_angle_deg))
+    sine = math.copysign(max(abs(sine), _SINE_LEAST), sine)
+    wind_nm = machine.plant.wind.moment_nm if machine.plant.switches.wind else 0.0
+    moment_nm = (math.copysign(held_nm, wind_nm or sine) - wind_nm) / sine
     return _to_value(target, "eccentric_moment_nm", moment_nm, over_s)
 
 

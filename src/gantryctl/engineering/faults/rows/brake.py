@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Instead, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.injection import When, injection
+from gantryctl.engineering.faults.physics import brake_outruns_the_reading
 from gantryctl.program.alarms.codes import Code
 
 _TORQUE_OFF, _SLIP = ReactionClass.TORQUE_OFF, ReactionClass.BRAKE_SLIP
@@ -67,18 +68,9 @@ ROWS: Final = (
         title="brake closes by itself in motion",
         detected_by="contact",
         reaction=_TORQUE_OFF,
-        codes=(
-            Code.BRK_05,
-            Code.BRK_14,
-            Code.CTL_07,
-            Code.CTL_03,
-            Code.CTL_05,
-            Code.DRV_13,
-        ),
-        reads="the brake closed in motion; stop",
+        codes=(Code.BRK_05,),
+        reads="the brake closed in motion; torque off",
         injections=(injection("brake", "stuck", position="closed"),),
-        # The brake has its torque this long after it began to close.
-        seen_after_s=0.15,
     ),
     FaultCase(
         number="C6",
@@ -91,7 +83,7 @@ ROWS: Final = (
         ),
         reads="the contact says closed; quick stop",
         injections=(injection("brake", "contact", open=False),),
-        seen_after_s=0.3,
+        seen_by=SeenBy.BRAKE_CONTACT,
     ),
     FaultCase(
         number="C7",
@@ -112,8 +104,14 @@ ROWS: Final = (
         title="brake closes by itself in motion, its contact says open",
         detected_by="torque that rises without effect on the speed",
         reaction=_TORQUE_OFF,
-        # A rotor that is light against its brake stands within a scan: the reading itself is in doubt then.
-        codes=(Code.BRK_14, Code.ENC_14),
+        codes=(Code.BRK_14,),
+        instead=(
+            Instead(
+                Code.ENC_14,
+                "the brake stops the bare rotor by more in a scan than a speed may change",
+                brake_outruns_the_reading,
+            ),
+        ),
         reads="torque without effect; torque off",
         injections=(
             injection("brake", "contact", open=True),

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Instead, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.injection import injection
+from gantryctl.engineering.faults.physics import drive_outruns_the_reading, moment_turns_the_axis
 from gantryctl.program.alarms.codes import Code
 
 _TORQUE_OFF, _QUICK = ReactionClass.TORQUE_OFF, ReactionClass.QUICK_STOP
@@ -43,7 +44,13 @@ ROWS: Final = (
             Code.CTL_05,
             Code.CTL_03,
             Code.DRV_13,
-            Code.ENC_14,
+        ),
+        instead=(
+            Instead(
+                Code.ENC_14,
+                "the drive turns the bare rotor by more in a scan than a speed may change",
+                drive_outruns_the_reading,
+            ),
         ),
         reads="moves against the command; torque off",
         injections=(injection("drive", "sign"),),
@@ -57,7 +64,13 @@ ROWS: Final = (
             Code.CTL_05,
             Code.CTL_03,
             Code.ENC_12,
-            Code.DRV_13,
+        ),
+        instead=(
+            Instead(
+                Code.DRV_13,
+                "an eccentric moment above the friction turns the axis: the torque passes through nothing",
+                moment_turns_the_axis,
+            ),
         ),
         reads="moves against the command; torque off",
         injections=(injection("drive", "sign"),),
@@ -65,11 +78,12 @@ ROWS: Final = (
     ),
     FaultCase(
         number="B7",
-        title="load shifts at standstill: eccentric moment to 0.68 of the rated torque in 1 s",
+        title="load shifts at standstill: 0.64 of the rated torque must hold it after 1 s",
         detected_by="holding torque above a part of the rated torque",
         reaction=ReactionClass.STANDSTILL,
+        also=Code.CTL_06,
         reads="holding torque high; no new moves",
-        injections=(injection("plant", "load_shift", rated_share=0.68, over_s=1.0),),
+        injections=(injection("plant", "load_shift", rated_share=0.638, over_s=1.0),),
         phase=Phase.ENABLED,
     ),
     FaultCase(
@@ -85,6 +99,7 @@ ROWS: Final = (
         ),
         reads="torque limit reached; stop",
         injections=(injection("drive", "torque_limit", share=0.02),),
+        seen_by=SeenBy.SATURATION,
         from_deviation=True,
     ),
     FaultCase(

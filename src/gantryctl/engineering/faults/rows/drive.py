@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Instead, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.injection import injection
+from gantryctl.engineering.faults.physics import friction_stops_the_rotor
 from gantryctl.program.alarms.codes import Code
 
 _TORQUE_OFF, _QUICK = ReactionClass.TORQUE_OFF, ReactionClass.QUICK_STOP
@@ -59,9 +60,9 @@ ROWS: Final = (
         number="D5",
         title="drive ignores the command and says so",
         detected_by="bit 12 of the statusword",
-        reaction=ReactionClass.QUICK_STOP,
+        reaction=_TORQUE_OFF,
         codes=(Code.DRV_05,),
-        reads="the drive does not follow; quick stop",
+        reads="the drive does not follow; torque off",
         injections=(injection("drive", "ignore_target"),),
     ),
     FaultCase(
@@ -85,7 +86,7 @@ ROWS: Final = (
         ),
         reads="the drive does not stop; torque off",
         injections=(injection("drive", "quick_stop_off"), injection("operator", "quick_stop")),
-        by_ramp=True,
+        seen_by=SeenBy.RAMP,
     ),
     FaultCase(
         number="D10",
@@ -127,7 +128,14 @@ ROWS: Final = (
         title="drive is enabled and gives no torque, in motion",
         detected_by="speed off its command by 0.05 deg/s with a torque of nothing, 50 ms",
         reaction=_TORQUE_OFF,
-        codes=(Code.DRV_13, Code.CTL_05),
+        codes=(Code.DRV_13,),
+        instead=(
+            Instead(
+                Code.CTL_05,
+                "friction stops the rotor beyond the permitted deviation before the torque has been nothing for 50 ms",
+                friction_stops_the_rotor,
+            ),
+        ),
         reads="torque lost; torque off and brake",
         injections=(injection("drive", "no_torque"),),
         from_deviation=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.injection import injection
 from gantryctl.program.alarms.codes import Code
 
@@ -95,7 +95,7 @@ ROWS: Final = (
         injections=(injection("input", "motor_temperature", temp_c=156.0),),
         buses=("sim",),
         position_valid=True,
-        seen_after_s=0.1,
+        seen_by=SeenBy.WINDING,
     ),
     FaultCase(
         number="G13",

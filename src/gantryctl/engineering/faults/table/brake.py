@@ -67,7 +67,8 @@ BRAKE: Final = (
     Row(
         "C5",
         "Brake closes in motion",
-        "contact says closed, and torque limit or following error shows that the axis feels it",
+        "contact says closed, and torque limit, following error, torque without its effect (C10) or half of the "
+        "brake's torque within 30 ms shows that the axis feels it",
         "torque off and brake",
         (Code.BRK_05,),
         at("unit/program/test_monitors_drive.py", "test_c5_brake_closes_in_motion_and_the_axis_feels_it"),
@@ -130,7 +131,8 @@ BRAKE: Final = (
     Row(
         "C10",
         "Brake closes in motion, its contact says open",
-        "torque of a quarter of the limit (100 N m) and more without its effect on the speed",
+        "torque of a quarter of the limit (100 N m) and more without its effect on the speed; or, where the motor "
+        "turns its brake, half of the brake's torque that comes within 30 ms, holds the shaft back, and stays so long",
         "torque off and brake",
         (Code.BRK_14,),
         at(

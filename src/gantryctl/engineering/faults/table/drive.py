@@ -60,7 +60,7 @@ DRIVE: Final = (
         "Drive ignores its command",
         "bit 12 of the statusword is 0 while enabled; bit 9, where [can] remote_bit says that the "
         "drive has it",
-        "quick stop",
+        "torque off and brake",
         (Code.DRV_05,),
         (
             *at(_TRAFFIC, "TestInMotion::test_local_control"),
