@@ -49,6 +49,9 @@ def against(machine: Machine, number: str, oracle: Oracle) -> list[str]:
         # Friction holds the load of a small table: a brake that does not hold lets nothing go, and nobody notices it.
         return [] if "held by torque" in str(wrong) else [f"{number}: {wrong}"]
     oracle.forget()
+    if not case.rests:
+        # Nothing is left that could hold the load: the row judges that it is told in time, and the way until then.
+        oracle.caught("INV-2")
     return [f"{number}: {fault}" for fault in (*result.faults, *seen_by(oracle, case))]
 
 
