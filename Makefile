@@ -8,6 +8,9 @@ PIP_INSTALL := .venv/bin/python -m pip --disable-pip-version-check install --qui
 NODE_OPCUA := tests/opcua_client/node_modules/.package-lock.json
 LOCK = uv pip compile --quiet $(UPGRADE) --generate-hashes --no-header --no-annotate --no-emit-index-url --universal \
         --python-version 3.11
+# Before anything is downloaded.
+COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here; type:  $$(command -v dnf > /dev/null \
+        && echo sudo dnf install gcc-c++ python3-devel || echo sudo apt install g++ python3-dev python3-venv)"; exit 1; }
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
@@ -20,6 +23,7 @@ help:
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
 .venv/run.stamp: requirements/run.txt requirements/build.txt
+	@$(COMPILER)
 	@test -x .venv/bin/python || { echo "creating .venv"; $(PYTHON) -m venv .venv; }
 	@echo "installing what the program needs"
 	@$(PIP_INSTALL) --require-hashes -r requirements/run.txt -r requirements/build.txt
@@ -31,6 +35,7 @@ help:
 	@touch $@
 
 .venv/core.stamp: .venv/run.stamp $(CORE_FILES)
+	@$(COMPILER)
 	@echo "building the core"
 	@$(PIP_INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $@

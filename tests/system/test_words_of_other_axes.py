@@ -103,10 +103,14 @@ def test_a_service_of_another_axis(template: str, tmp_path: Path) -> None:
             status, body, _ = service.request("GET", f"/api/v1/{path}", cookie=page.cookie)
             assert status == 200, path
             said.append(body.decode("utf-8"))
-        for line in (("status", "--json"), ("status",), ("alarms",), ("retain", "show")):
+        for line in (("status", "--service", "--json"), ("status", "--service")):
             said.append(printed(tmp_path, *line, "--config", str(file)))
         said.append("".join(service.said) + service.errors())
     for line in (
+        ("status", "--config", str(file)),
+        ("alarms", "--config", str(file)),
+        ("encoder", "show", "--config", str(file)),
+        ("retain", "show", "--config", str(file)),
         ("journal", "show", "--config", str(file)),
         ("journal", "export", str(tmp_path / "events.csv"), "--config", str(file)),
         ("journal", "verify", "--config", str(file)),
@@ -120,7 +124,7 @@ def test_a_service_of_another_axis(template: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_commissioning_of_another_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A tilt axis behind a virtual drive on a bus: every step, the report and its record."""
     monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))

@@ -1,6 +1,8 @@
 """The package as installed: the compiled core, its stub and the machine files are where they belong."""
 
 import re
+import shutil
+import subprocess
 import tomllib
 from importlib import import_module, metadata, resources
 from pathlib import Path
@@ -38,6 +40,22 @@ def test_every_runtime_dependency_is_locked() -> None:
 def test_what_reports_need_is_in_the_list_that_make_installs() -> None:
     locked = (ROOT / "requirements" / "run.txt").read_text(encoding="utf-8")
     assert {"matplotlib", "scipy"} <= {line.partition("==")[0] for line in locked.splitlines()}
+
+
+def test_make_demo_without_a_compiler_says_what_to_type_and_downloads_nothing(tmp_path: Path) -> None:
+    for name in ("Makefile", "requirements"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for name in ("make", "sh", "find", "python3"):
+        (tools / name).symlink_to(shutil.which(name) or name)
+    environment = {"PATH": str(tools), "HOME": str(tmp_path)}
+    done = subprocess.run(
+        ["make", "demo"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stdout == "no C++ compiler here; type:  sudo apt install g++ python3-dev python3-venv\n"
+    assert not (tmp_path / ".venv").exists()
 
 
 def test_no_lock_file_names_a_host() -> None:

@@ -149,6 +149,10 @@ class LazyGroup(click.Group):
         entry = COMMANDS.get(cmd_name)
         if entry is None:
             return None
+        if entry.module.startswith("service.") or cmd_name == "attach":
+            from gantryctl.cli.options import refuse_service_on_windows
+
+            refuse_service_on_windows(click.Context(self, info_name=cmd_name), None, True)
         command = getattr(importlib.import_module(f"gantryctl.cli.{entry.module}"), entry.name)
         assert isinstance(command, click.Command)
         return command

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -30,8 +31,28 @@ out_option = click.option("--out", "out", type=PATH, help="Directory for files t
 seed_option = click.option(
     "--seed", type=Whole(0, 2**63 - 1), default=0, show_default=True, help="Seed of all noise."
 )
+
+
+def refuse_service_on_windows(ctx: click.Context, param: click.Parameter | None, wanted: bool) -> bool:
+    """Say that there is no service where its local socket, shared memory and rights do not exist.
+
+    Raises:
+        UsageError: this is Windows.
+    """
+    from gantryctl.errors import UsageError
+
+    if wanted and sys.platform == "win32":
+        name = ctx.info_name if param is None else param.opts[0]
+        raise UsageError(f"{name}: the service runs on Linux only; here every command drives the axis itself")
+    return wanted
+
+
 service_option = click.option(
-    "--service", "service", is_flag=True, help="Ask the running service; see `attach`."
+    "--service",
+    "service",
+    is_flag=True,
+    callback=refuse_service_on_windows,
+    help="Ask the running service; see `attach`.",
 )
 real_time_option = click.option(
     "--real-time", is_flag=True, help="Run on the real clock instead of virtual time."

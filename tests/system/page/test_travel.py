@@ -76,7 +76,7 @@ def shown(browser: Browser, root: Path, machine: Machine, at_deg: float) -> Iter
 
 # Words on the scale, and how many sectors lie on it.
 SCALES: dict[str, tuple[set[str], set[str], int]] = {
-    "iec": ({"0", "30", "330", "180"}, {"-30", "+30", "210°"}, 1),
+    "iec": ({"0", "30", "330", "180-", "180+"}, {"-30", "+30", "210°"}, 1),
     "tilt": ({"-5", "+95", "+30", "+60"}, {"+90", "+120", "+180", "-30"}, 1),
     "azimuth": ({"-270", "+270", "0", "-150", "+150"}, {"+210"}, 1),
     "endless": ({"0", "30", "180", "330"}, {"-30", "360", "+30"}, 2),
