@@ -52,6 +52,7 @@ def against(machine: Machine, number: str, oracle: Oracle) -> list[str]:
     if not case.rests:
         # Nothing is left that could hold the load: the row judges that it is told in time, and the way until then.
         oracle.caught("INV-2")
+        oracle.caught("INV-3")
     return [f"{number}: {fault}" for fault in (*result.faults, *seen_by(oracle, case))]
 
 
