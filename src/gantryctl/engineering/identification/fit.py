@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop
-from gantryctl.engineering.identification.least_squares import Estimate, covariance_of, solved
+from gantryctl.engineering.identification.least_squares import estimate_of, solved
 from gantryctl.engineering.identification.measure import AxisUnderTest, MotionRecording, record
 from gantryctl.engineering.identification.samples import Floats, Samples, joined
 from gantryctl.engineering.identification.torque_balance import BalanceFit, TorqueBalance, torque_balance
@@ -43,11 +43,11 @@ _MODEL_SHARE: Final[dict[Number, float]] = {
     "friction_nm_s_per_rad": 0.1,
     "dead_time_s": 0.15,
 }
-# A number of its own size is known when its interval does not reach 0; these may be 0, or are parts.
+# A number of its own size is known when its interval does not reach 0; these may be 0, or are parts. Friction may be 0
+# too: it is known when its interval is smaller than the torque at which the gears change their flank.
 _KNOWN_WITHIN: Final[dict[Number, float]] = {
     "moment_sine_nm": math.inf,
     "moment_cosine_nm": math.inf,
-    "friction_nm": math.inf,
     "friction_nm_s_per_rad": math.inf,
     "friction_load_ratio": 0.3,
 }
@@ -99,7 +99,7 @@ def fit(machine: Machine, recording: MotionRecording) -> CalibrationFit:
     windup, delay_s = _fit_windup(swings, lead, reversal, balanced.balance, flank_nm)
     # What the delay makes of two directions is no lost motion.
     reversal[0] -= delay_s * rad(experiment.turn_deg_s)
-    identified, half_width, unknown = _numbers(balanced, loop, windup)
+    identified, half_width, unknown = _numbers(balanced, loop, windup, flank_nm)
     # Without a mode a wave is as large in passing as at rest.
     swing_hz = identified.swing_hz or math.inf
     found = [
@@ -208,8 +208,8 @@ def _fit_windup(
     columns: Floats = np.column_stack([used.acc_rad_s2, used.vel_rad_s, used.direction, np.ones_like(at)])
     wanted = at - used.load_rad - expected
     found: Floats = np.asarray(np.linalg.lstsq(columns, wanted, rcond=None)[0])
-    covariance, pieces = covariance_of(columns, wanted - columns @ found, used.stretch, _WINDUP_SPREAD)
-    half_width = Estimate(found, covariance, pieces).half_width_of(np.array([1.0, 0.0, 0.0, 0.0]))
+    estimate = estimate_of(found, columns, wanted - columns @ found, used.stretch, _WINDUP_SPREAD)
+    half_width = estimate.half_width_of(np.array([1.0, 0.0, 0.0, 0.0]))
     unknown = None if float(found[0]) > half_width else Unknown.NO_WINDUP
     return _Windup(float(found[0]), half_width, unknown), float(found[1])
 
@@ -235,7 +235,7 @@ def _static(
 
 
 def _numbers(
-    balanced: BalanceFit, loop: SpeedLoop | None, windup: _Windup
+    balanced: BalanceFit, loop: SpeedLoop | None, windup: _Windup, flank_nm: float
 ) -> tuple[Identified, dict[Number, float], dict[Number, Unknown]]:
     """The numbers with their intervals, and those that could not be identified."""
     balance, half = balanced.balance, balanced.half_width
@@ -269,8 +269,9 @@ def _numbers(
         values["stiffness_nm_per_rad"] = (
             stiffness, stiffness * math.hypot(half["inertia_load_kg_m2"] / load, ratio),
         )  # fmt: skip
+    known_within = {**_KNOWN_WITHIN, "friction_nm": max(flank_nm, values["friction_nm"][0])}
     for name, (value, half_width) in list(values.items()):
-        if not half_width < _KNOWN_WITHIN.get(name, value):
+        if not half_width < known_within.get(name, value):
             unknown[name] = Unknown.TOO_WIDE
             del values[name]
     # Of the moment the size is that of both parts: what is wrong with one shows in the other.

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.identification.least_squares import Estimate, covariance_of
+from gantryctl.engineering.identification.least_squares import Estimate, estimate_of
 from gantryctl.engineering.identification.samples import Floats, Samples
 
 _ITERATIONS: Final = 40
@@ -126,8 +126,7 @@ def torque_balance(
         x = x + share * step
     left = wanted - balance(x).torque_nm(samples)
     found = balance(x)._replace(residual_nm=float(np.sqrt(np.mean(left**2))))
-    covariance, pieces = covariance_of(slope_at(x), left, samples.stretch, spread)
-    return BalanceFit(found, _half_widths(Estimate(x, covariance, pieces)))
+    return BalanceFit(found, _half_widths(estimate_of(x, slope_at(x), left, samples.stretch, spread)))
 
 
 def _spread(samples: Samples, wanted: Floats) -> Floats:

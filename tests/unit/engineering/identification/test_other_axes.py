@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
 from gantryctl.engineering.drafting.choice import draft_with
@@ -34,15 +35,16 @@ from gantryctl.machine import (
 )
 
 CONFIGS = ("azimuth_dish", "rotary_table")
+DRAFTS = tuple(f"my_{template}" for template in template_names())
 
 
 @cache
 def axis_of(name: str) -> Machine:
-    """A delivered machine, or the draft of a template."""
+    """A delivered machine, or the draft of a template: of `rotary_table` there are both."""
     if name in CONFIGS:
         return load_machine(configs_folder() / f"{name}.toml")
-    values = sheet_values(Answered.of(load_template(name), {}), f"my_{name}")
-    return draft_with(drafted_sheet(values, "sheet"), load_motors(delivered_motors()), f"my_{name}").machine()
+    values = sheet_values(Answered.of(load_template(name.removeprefix("my_")), {}), name)
+    return draft_with(drafted_sheet(values, "sheet"), load_motors(delivered_motors()), name).machine()
 
 
 @cache
@@ -107,9 +109,9 @@ def test_a_small_stiff_table_is_identified_with_the_loads_that_swing_in_its_band
 
 
 def test_a_tilt_axis_of_a_hundred_degrees_is_identified_with_a_map_of_its_travel() -> None:
-    machine = axis_of("tilt_table")
+    machine = axis_of("my_tilt_table")
     assert machine.axis.pos_max_deg - machine.axis.pos_min_deg == 100.0
-    _, calibration = found("tilt_table")
+    _, calibration = found("my_tilt_table")
     rows = comparisons(machine, calibration)
     assert not outside(rows)
     assert not calibration.unknown
@@ -155,27 +157,39 @@ def test_what_a_windy_axis_does_not_show_is_told_by_name() -> None:
 
 @pytest.mark.slow
 def test_the_intervals_hold_what_they_say_on_every_template() -> None:
-    """Eight gears and winds of each of eight axes: of some 500 numbers at most 5 % lie outside, as 95 % says."""
+    """Eight gears and winds of each of eight axes: of some 430 numbers at most 5 % lie outside, as 95 % says.
+
+    Windy axes are judged alone too: there noise makes the intervals, and others would hide what fails. Of n numbers
+    of exactly 95 % some 0.05 n lie outside, with a spread of sqrt(0.05 x 0.95 n): more than the 99 % quantile of the
+    binomial law is no chance. Measured over three sets of seeds: 9 of 251.
+    """
     machines = []
-    for name in (*template_names(), *CONFIGS):
+    for name in (*DRAFTS, *CONFIGS):
         for seed in range(8):
             machine = random_gear(axis_of(name), 100 + seed)
             if machine.plant.switches.wind:
                 machine = with_values(machine, {"plant.wind.seed": 10 + seed})
             machines.append(machine)
     judged, wrong, ratios = 0, [], []
+    windy, windy_wrong = 0, 0
     for machine, calibration in zip(machines, calibrate_each(machines, range(len(machines))), strict=True):
         assert isinstance(calibration, Calibration), f"{machine.name}: {calibration}"
         rows = comparisons(machine, calibration)
         known = [row for row in rows if row.identified is not None and row.half_width is not None]
         judged += len(known)
         wrong += [f"{machine.name}: {line}" for line in outside(known)]
+        if machine.plant.switches.wind:
+            by_noise = [row for row in known if row.name not in ("inertia at the motor", "dead time")]
+            windy += len(by_noise)
+            windy_wrong += len(outside(by_noise))
         ratios += [
             abs(row.identified - row.truth) / row.half_width for row in known if row.identified is not None
         ]
         # moment, motor and dead time are found on every axis
         assert {"eccentric moment, sine", "inertia at the motor", "dead time"} <= {row.name for row in known}
-    assert judged > 400
+    assert judged > 360
     assert len(wrong) <= 0.05 * judged, wrong
+    assert windy > 60
+    assert windy_wrong <= binom.ppf(0.99, windy, 0.05), wrong
     # intervals that hold everything say nothing: half of the truths lie beyond a tenth of them
     assert float(np.median(ratios)) > 0.1
