@@ -106,7 +106,6 @@ lock:
 	$(LOCK) pyproject.toml --extra reports -o requirements/run.txt
 	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
 	$(LOCK) --group pyproject.toml:dev -c requirements/run.txt -c requirements/build.txt -o requirements/dev.txt
-	$(LOCK) --group pyproject.toml:dist -c requirements/dev.txt -o requirements/dist.txt
 	$(LOCK) pyproject.toml --extra bench -c requirements/run.txt -c requirements/dev.txt -o requirements/bench.txt
 
 # npm and node come from a wheel of the test list. Packages are installed again only when their lock file changes.

@@ -26,17 +26,13 @@ from urllib.parse import quote
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, NOTICE = ROOT / "docs" / "reference" / "licences.md", ROOT / "NOTICE"
-LOCKED = ("run", "dev", "dist")
+LOCKED = ("run", "dev")
 EXTRAS = ("reports", "opcua", "cluster")
 # Not PyPI's: a header library that nanobind brings, compiled into `_core` with it.
 ROBIN_MAP = "robin-map"
 # What the wheel holds of other people's work: found by the modules in the chunks of `npm run build` and `build-report`,
 # and in `nanobind_add_module`.
 INSIDE = ("nanobind", ROBIN_MAP, "clsx", "svelte", "uplot")
-# What Zig links into the core: LLVM's libc++, libc++abi, libunwind and compiler-rt, at the version that it ships
-# (`__libcpp_version` in its lib/libcxx). The exception of their licence asks for no notice in what is compiled.
-LLVM = "LLVM run-time libraries"
-LLVM_IN_ZIG = {"0.17.1": "22.1.8"}
 
 # Licences read by a person in the packages' own files, where what they say of themselves is not an SPDX expression.
 READ = {
@@ -68,10 +64,6 @@ READ = {
     "lazy-importer": "Apache-2.0",
     "wait-for2": "Apache-2.0",
     "zipp": "MIT",
-    # Of `make dist` only.
-    "auditwheel": "MIT",
-    "pyelftools": "Unlicense",
-    "ziglang": "MIT",
 }
 NAMED = {
     "Apache 2.0": "Apache-2.0",
@@ -121,7 +113,7 @@ class Part(NamedTuple):
 
 def parts() -> list[Part]:
     """Every part, by use and name."""
-    found = [*_python_parts(), *_page_parts(), _robin_map(), _llvm()]
+    found = [*_python_parts(), *_page_parts(), _robin_map()]
     return sorted(found, key=lambda part: (list(Use).index(part.use), part.name, part.version))
 
 
@@ -230,12 +222,6 @@ def _robin_map() -> Part:
     return Part(ROBIN_MAP, version, Use.INSIDE, "MIT", "pkg:github/Tessil/robin-map", "", (), ())
 
 
-def _llvm() -> Part:
-    zig = next(version for name, version, *_ in _locked("dist") if name == "ziglang")
-    licence = "Apache-2.0 WITH LLVM-exception"
-    return Part(LLVM, LLVM_IN_ZIG[zig], Use.INSIDE, licence, "pkg:github/llvm/llvm-project", "", (), ())
-
-
 def _robin_header(name: str) -> str:
     folder = metadata.distribution("nanobind").locate_file("nanobind/ext/robin_map/include/tsl")
     return Path(str(folder), name).read_text(encoding="utf-8")
@@ -277,7 +263,7 @@ def notice(found: Sequence[Part]) -> str:
     """Licence texts of what the wheel contains."""
     said = ["The wheel of gantryctl contains, in compiled or minified form:\n"]
     for part in found:
-        if part.use is Use.INSIDE and part.name != LLVM:
+        if part.use is Use.INSIDE:
             said.append(f"{'-' * 80}\n{part.name} {part.version} ({part.licence})\n\n{_text(part).strip()}\n")
     return "\n".join(said)
 

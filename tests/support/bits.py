@@ -1,9 +1,7 @@
 """Instruction set, and digests of what the core and the engine compute: equal wherever the core was compiled well.
 
-    python bits.py          # plants in a batch, their logs, one logged run, one scan from outside
-    python bits.py move     # beside it the trace of a move, scan by scan
-
-`tools/wheels.py` runs it in every environment that a wheel is for.
+python bits.py          # plants in a batch, their logs, one logged run, one scan from outside
+python bits.py move     # beside it the trace of a move, scan by scan
 """
 
 import hashlib
