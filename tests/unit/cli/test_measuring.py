@@ -144,10 +144,10 @@ def test_a_trace_is_shown_plotted_and_exported() -> None:
     assert len(lines) == done("trace", "show", file, "--json").json["rows"]
 
 
-def test_a_file_that_is_no_recording_is_exit_code_3() -> None:
+def test_a_file_that_is_no_recording_is_a_wrong_command() -> None:
     Path("x").write_text("hello")
     for command in (["show"], ["plot"], ["export", "--format", "csv"]):
         for file in ("x", "nowhere", "."):
             answer = cli("trace", *command, file)
-            assert (answer.code, answer.out) == (3, "")
+            assert (answer.code, answer.out) == (2, "")
             assert answer.err.count("\n") == 1

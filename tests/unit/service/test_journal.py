@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gantryctl.errors import DeviceError
+from gantryctl.errors import UsageError
 from gantryctl.service.memory.events import TEXT_MAX, EventLog, printable
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.memory.ring import Ring
@@ -107,7 +107,7 @@ def test_another_kind_of_file_is_moved_aside_and_an_unusable_directory_is_a_faul
     (tmp_path / "file").touch()
     with pytest.raises(JournalFault):
         Journal(tmp_path / "file")
-    with pytest.raises(DeviceError, match="no journal yet"):
+    with pytest.raises(UsageError, match="no journal yet"):
         verify(tmp_path / "elsewhere")
 
 
