@@ -161,14 +161,15 @@ def test_the_intervals_hold_what_they_say_on_every_template() -> None:
 
     Windy axes are judged alone too: there noise makes the intervals, and others would hide what fails. Of n numbers
     of exactly 95 % some 0.05 n lie outside, with a spread of sqrt(0.05 x 0.95 n): more than the 99 % quantile of the
-    binomial law is no chance. Measured over three sets of seeds: 9 of 251.
+    binomial law is no chance. Measured over three sets of seeds: 9 of 251. The liar, which judges
+    each stretch by a fit with it and takes t by all stretches, has 16 of 117 outside with these seeds; 12 are allowed.
     """
     machines = []
     for name in (*DRAFTS, *CONFIGS):
         for seed in range(8):
-            machine = random_gear(axis_of(name), 100 + seed)
+            machine = random_gear(axis_of(name), 1100 + seed)
             if machine.plant.switches.wind:
-                machine = with_values(machine, {"plant.wind.seed": 10 + seed})
+                machine = with_values(machine, {"plant.wind.seed": 1010 + seed})
             machines.append(machine)
     judged, wrong, ratios = 0, [], []
     windy, windy_wrong = 0, 0
