@@ -31,6 +31,8 @@ MESSAGE_MAX: Final = 2**20
 LIFETIME_MIN_MS, LIFETIME_MAX_MS = 60_000, 3_600_000
 NONCE_MIN: Final = 32
 """Bytes; of the offered policies, and of a session (Part 4, section 5.6.2.2)."""
+SESSIONS_MAX: Final = 4
+"""Of one channel. Clients have one; when they lose its number in a reconnection, they ask for another beside it."""
 
 
 class ChannelRefused(Exception):
@@ -54,7 +56,7 @@ class Sessions(InternalServer):
 
 
 class Answers(UaProcessor):
-    """The library's services, with a limit on the length of an answer."""
+    """The library's services for one session, or for none, with a limit on the length of an answer."""
 
     def send_response(
         self, requesthandle: Any, seqhdr: Any, response: Any, msgtype: Any = ua.MessageType.SecureMessage
@@ -92,18 +94,19 @@ class Channel:
         self._answers = Answers(wall.internal, transport, wall.limits)
         self._answers.set_policies(list(wall.policies.values()))
         self._secure = self._answers._connection
+        self._sessions: list[Answers] = []
         self._greeted = self._open = False
         self._until_s = 0.0
         self.certificate = b""
 
     @property
-    def session(self) -> Any:
-        """The library's session that is logged in, or None."""
-        found = self._answers.session
-        return found if found is not None and found.is_activated() else None
+    def readers(self) -> list[Reader]:
+        """Who is logged in, once for each session."""
+        found = (each.session for each in self._sessions)
+        return [each.user for each in found if each is not None and each.is_activated()]
 
     def lapsed(self, users: dict[str, Any]) -> str:
-        """Why a session may not go on, "" if it may.
+        """Why the sessions may not go on, "" if they may.
 
         Args:
             users: those of the service as they are now.
@@ -113,22 +116,16 @@ class Channel:
                 self._wall.trust.judge(self.certificate)
             except NotTrusted as fault:
                 return str(fault)
-        session = self.session
-        reader = session.user if session is not None else None
-        if (
-            isinstance(reader, Reader)
-            and reader.known is not None
-            and users.get(reader.known.name) != reader.known
-        ):
-            return "the user has changed"
-        return ""
+        known = [reader.known for reader in self.readers if reader.known is not None]
+        return "the user has changed" if any(users.get(each.name) != each for each in known) else ""
 
     async def end(self) -> None:
-        """End the session with everything that it holds."""
-        await self._answers.close()
-        if self._answers.session is not None:
-            # With the subscriptions: nobody may find them on another channel.
-            await self._answers.session.close_session(True)
+        """End the sessions with everything that they hold."""
+        for each in self._sessions:
+            await each.close()
+            if each.session is not None:
+                # With the subscriptions: nobody may find them on another channel.
+                await each.session.close_session(True)
 
     async def take(self, header: Any, body: Buffer) -> bool:
         """Act on one chunk; False when the client closes the channel.
@@ -226,34 +223,38 @@ class Channel:
             kind = nodeid_from_binary(body)
             head = read_header(body)
             handle = head.RequestHandle
-            allowed = await self._judged(kind.Identifier if kind.NamespaceIndex == 0 else 0, head, body)
-            await self._answers._process_message(kind, head, sequence, allowed)
+            number = kind.Identifier if kind.NamespaceIndex == 0 else 0
+            answers, allowed = await self._judged(number, head, body)
+            await answers._process_message(kind, head, sequence, allowed)
         except (ServiceError, ua.uaerrors.UaStatusCodeError) as fault:
             self._answers.send_response(handle, sequence, _fault(fault.code))
         except Exception:  # a request that the library cannot read
             self._answers.send_response(handle, sequence, _fault(ua.StatusCodes.BadDecodingError))
 
-    async def _judged(self, kind: Any, head: Any, body: Bounded) -> Buffer:
-        """The body that the library may act on.
+    async def _judged(self, kind: Any, head: Any, body: Bounded) -> tuple[Answers, Buffer]:
+        """Whose request it is, and the body that the library may act on.
 
         Raises:
             ServiceError: the request is refused.
         """
         if kind in DISCOVERY:
-            return body
+            return self._answers, body
         if not self.certificate:
             raise ServiceError(ua.StatusCodes.BadSecurityPolicyRejected)
-        session = self._answers.session
+        self._sessions = [each for each in self._sessions if not _closed(each.session)]
         if kind == CREATE:
-            return await self._may_create(session, body)
-        # Another token is another session's, whoever asks.
-        if session is None or session.auth_token != head.AuthenticationToken or _closed(session):
+            self._may_create(body)
+            return await self._room(), body
+        # Another token is another channel's, whoever asks.
+        asked = [each for each in self._sessions if each.session.auth_token == head.AuthenticationToken]
+        if not asked:
             raise ServiceError(ua.StatusCodes.BadSessionIdInvalid)
+        answers, session = asked[0], asked[0].session
         if kind == ACTIVATE:
             await self._may_activate(session, body)
-            return body
+            return answers, body
         if kind == CLOSE:
-            return body
+            return answers, body
         if not session.is_activated() or not isinstance(session.user, Reader):
             raise ServiceError(ua.StatusCodes.BadSessionNotActivated)
         if kind in CHANGES:
@@ -261,9 +262,10 @@ class Channel:
         rule = READING.get(kind)
         if rule is None:
             raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
-        return rule(Holdings(self._wall.internal, session), body)
+        beside = {each.session.session_id for each in self._sessions}
+        return answers, rule(Holdings(self._wall.internal, session.session_id, beside), body)
 
-    async def _may_create(self, session: Any, body: Bounded) -> Buffer:
+    def _may_create(self, body: Bounded) -> None:
         wanted = struct_from_binary(ua.CreateSessionParameters, body.copy())
         # The library looks at this one alone, and anybody can send the certificate of somebody else.
         if first_of(wanted.ClientCertificate) != self.certificate:
@@ -272,11 +274,19 @@ class Channel:
             raise ServiceError(ua.StatusCodes.BadCertificateUriInvalid)
         if len(wanted.ClientNonce or b"") < NONCE_MIN:
             raise ServiceError(ua.StatusCodes.BadNonceInvalid)
-        if session is not None and not _closed(session):
-            if session.is_activated():
+
+    async def _room(self) -> Answers:
+        """The place of a new session; the oldest one that is not logged in makes room (Part 4, section 5.6.2.1)."""
+        if len(self._sessions) >= SESSIONS_MAX:
+            idle = [each for each in self._sessions if not each.session.is_activated()]
+            if not idle:
                 raise ServiceError(ua.StatusCodes.BadTooManySessions)
-            await session.close_session(True)
-        return body
+            await idle[0].close()  # with its session, which is not logged in
+            self._sessions.remove(idle[0])
+        made = Answers(self._wall.internal, self._transport, self._wall.limits)
+        made._connection = self._secure
+        self._sessions.append(made)
+        return made
 
     async def _may_activate(self, session: Any, body: Bounded) -> None:
         judge_identity(body.copy())
@@ -304,7 +314,8 @@ class Channel:
 
 
 def _closed(session: Any) -> bool:
-    return bool(session.state.name == "Closed")
+    # None: the library failed to make it.
+    return session is None or bool(session.state.name == "Closed")
 
 
 def _fault(status: int) -> Any:

@@ -61,7 +61,7 @@ class Connection(asyncio.Protocol):
         self._work = asyncio.create_task(self._run())
 
     def connection_lost(self, _: Exception | None) -> None:
-        """Give the place back; the session ends with its connection."""
+        """Give the place back; the sessions end with their connection."""
         if self._place is None:
             return
         self._place.leave()
@@ -176,12 +176,13 @@ class Listener:
         self.wall.trust.refresh()
         users, now_s = self.wall.people.all(), time.monotonic()
         for each in list(self.connections):
-            session = each.channel.session
+            readers = each.channel.readers
             why = each.channel.lapsed(users)
-            if session is not None:
+            if readers:
                 each.idle_s = now_s
-                if why:
-                    self.wall.people.ended(session.user, why)
+            if why:
+                for reader in readers:
+                    self.wall.people.ended(reader, why)
             stuck = each.stuck_s is not None and now_s - each.stuck_s > STUCK_S
             if why:
                 await each.channel.end()

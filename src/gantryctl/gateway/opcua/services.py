@@ -17,9 +17,9 @@ NODES_MAX: Final = 1000
 PATHS_MAX: Final = 100
 """Nodes in one request to browse, or browse paths: their answers are long."""
 SUBSCRIPTIONS_MAX: Final = 8
-"""Of one session."""
+"""Of all sessions of one channel."""
 ITEMS_MAX: Final = 1000
-"""Monitored items of one session."""
+"""Monitored items of all sessions of one channel."""
 INTERVAL_MAX_MS: Final = 60_000.0
 """Longest publishing interval."""
 
@@ -42,20 +42,28 @@ CHANGES: Final = _named(
 
 
 class Holdings:
-    """What one session holds in asyncua's server: its subscriptions, and their monitored items."""
+    """What one session holds in asyncua's server, and all of its channel: subscriptions, and their monitored items.
 
-    def __init__(self, internal: Any, session: Any) -> None:
-        self._internal, self._session = internal, session
+    Args:
+        session: its number. beside: those of all sessions of the channel, this one among them.
+    """
+
+    def __init__(self, internal: Any, session: Any, beside: set[Any]) -> None:
+        self._internal, self._session, self._beside = internal, session, beside
 
     def subscriptions(self) -> dict[int, Any]:
         """Subscriptions of the session by their number."""
+        return {n: each for n, each in self.of_channel().items() if each.session_id == self._session}
+
+    def of_channel(self) -> dict[int, Any]:
+        """Subscriptions of all sessions of the channel by their number."""
         found = self._internal.subscription_service.subscriptions
-        return {n: each for n, each in found.items() if each.session_id == self._session.session_id}
+        return {n: each for n, each in found.items() if each.session_id in self._beside}
 
     def items(self) -> int:
-        """Number of its monitored items."""
+        """Number of monitored items of all sessions of the channel."""
         # asyncua keeps them private, and has no limit of its own.
-        return sum(len(each.monitored_item_srv._monitored_items) for each in self.subscriptions().values())
+        return sum(len(each.monitored_item_srv._monitored_items) for each in self.of_channel().values())
 
     def must_own(self, *numbers: int) -> None:
         """Raise ServiceError for a subscription of somebody else: asyncua takes any number from anybody."""
@@ -92,7 +100,7 @@ def _of_many(parameters: Any) -> Rule:
 
 
 def _subscribe(held: Holdings, body: Bounded) -> Buffer:
-    if len(held.subscriptions()) >= SUBSCRIPTIONS_MAX:
+    if len(held.of_channel()) >= SUBSCRIPTIONS_MAX:
         raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
     found = struct_from_binary(ua.CreateSubscriptionParameters, body)
     # asyncua takes any interval, and one of a microsecond would take the processor; NaN fails every comparison.

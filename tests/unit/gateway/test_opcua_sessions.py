@@ -1,0 +1,102 @@
+"""OPC UA: sessions of one channel, and a client that comes back after its connection was lost."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+
+import pytest
+
+asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+from asyncua import ua  # noqa: E402
+from asyncua.ua.ua_binary import struct_from_binary  # noqa: E402
+
+from gantryctl.gateway.opcua import services  # noqa: E402
+from gantryctl.gateway.opcua.channel import SESSIONS_MAX  # noqa: E402
+from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
+from support.opcua_wire import password  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
+MODES = ua.MessageSecurityMode
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    with sharing(tmp_path_factory.mktemp("opcua")) as made:
+        yield made
+
+
+def test_a_client_that_comes_back_gets_in_again(run: Run) -> None:
+    """Its old session is over; what it asks before it has learnt that must not cost it the new one.
+
+    As open62541 does it: the check of its connection is answered BadSessionIdInvalid while a CreateSession is on its
+    way, so it sends a second one (Part 4, section 5.6.2.1: a client may have several sessions on one channel).
+    """
+
+    async def check(bench: Bench) -> None:
+        lost = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        for cut in (True, False):  # the server learns of the lost connection at once, or not yet
+            if cut:
+                await lost.close()
+            wire = await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
+            wire.token, wire.server_nonce = lost.token, lost.server_nonce
+            assert await wire.activate(password("viewer", PASSWORD)) == "BadSessionIdInvalid"
+            assert (await wire.ask(ua.ReadRequest()))[0] == "BadSessionIdInvalid"
+            made = []
+            for _ in range(2):
+                assert await wire.create(bench.certificate("client"), CLIENT) == "Good"
+                made.append((wire.token, wire.server_nonce))
+            for wire.token, wire.server_nonce in made:
+                assert await wire.activate(password("viewer", PASSWORD)) == "Good"
+            # One that is logged in is in nobody's way either.
+            assert await wire.create(bench.certificate("client"), CLIENT) == "Good"
+            assert await wire.activate(password("viewer", PASSWORD)) == "Good"
+            for token in (made[0][0], made[1][0], wire.token):
+                assert (await wire.ask(ua.ReadRequest(), token))[0] == "Good"
+            lost = wire
+
+    run(check)
+
+
+def test_the_sessions_of_a_channel_are_apart_and_few(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        first = wire.token
+        assert await wire.create(bench.certificate("client"), CLIENT) == "Good"
+        assert (await wire.ask(ua.ReadRequest()))[0] == "BadSessionNotActivated"
+        assert await wire.activate(password("other", PASSWORD)) == "Good"
+        second = wire.token
+        said, body = await wire.ask(ua.CreateSubscriptionRequest(), first)
+        number = struct_from_binary(ua.CreateSubscriptionResult, body).SubscriptionId
+        delete = ua.DeleteSubscriptionsRequest()
+        delete.Parameters.SubscriptionIds = [number]
+        assert (await wire.ask(delete, second))[0] == "BadSubscriptionIdInvalid"
+        # What a client may hold does not grow with its sessions.
+        for n in range(services.SUBSCRIPTIONS_MAX):
+            said, _ = await wire.ask(ua.CreateSubscriptionRequest(), second)
+            assert said == ("Good" if n < services.SUBSCRIPTIONS_MAX - 1 else "BadTooManySubscriptions")
+        assert (await wire.ask(ua.CloseSessionRequest(DeleteSubscriptions=True), second))[0] == "Good"
+        assert (await wire.ask(ua.ReadRequest(), second))[0] == "BadSessionIdInvalid"
+        assert (await wire.ask(delete, first))[0] == "Good"
+        # Those that are not logged in make room for new ones, the others do not.
+        for _ in range(3 * SESSIONS_MAX):
+            assert await wire.create(bench.certificate("client"), CLIENT) == "Good"
+        (connection,) = bench.listener.connections
+        assert len(connection.channel._sessions) == SESSIONS_MAX
+        for n in range(SESSIONS_MAX):
+            said = await wire.create(bench.certificate("client"), CLIENT)
+            assert said == ("Good" if n < SESSIONS_MAX - 1 else "BadTooManySessions")
+            if said == "Good":
+                assert await wire.activate(password("other", PASSWORD)) == "Good"
+        assert (await wire.ask(ua.ReadRequest(), first))[0] == "Good"
+        # A user who is changed ends them all, and their subscriptions.
+        assert not connection.channel.lapsed(bench.listener.wall.people.all())
+        assert connection.channel.lapsed({})
+        await wire.ask(ua.CreateSubscriptionRequest(), first)
+        assert bench.listener.wall.internal.subscription_service.subscriptions
+        await wire.close()
+        while bench.listener.connections or bench.listener._tasks:
+            await asyncio.sleep(0.01)
+        assert not bench.listener.wall.internal.subscription_service.subscriptions
+
+    run(check)
