@@ -9,7 +9,7 @@ import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import ua  # noqa: E402
-from asyncua.ua.ua_binary import struct_from_binary  # noqa: E402
+from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E402
 
 from gantryctl.gateway.opcua import services  # noqa: E402
 from gantryctl.gateway.opcua.channel import SESSIONS_MAX  # noqa: E402
@@ -98,5 +98,24 @@ def test_the_sessions_of_a_channel_are_apart_and_few(run: Run) -> None:
         while bench.listener.connections or bench.listener._tasks:
             await asyncio.sleep(0.01)
         assert not bench.listener.wall.internal.subscription_service.subscriptions
+
+    run(check)
+
+
+def test_a_null_array_means_an_empty_one(run: Run) -> None:
+    """open62541 sends one for an empty list; asyncua's own structures have 0 elements instead."""
+
+    async def check(bench: Bench) -> None:
+        wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        for request, name in (
+            (ua.ReadRequest(), "NodesToRead"),
+            (ua.RegisterNodesRequest(), "NodesToRegister"),
+            (ua.UnregisterNodesRequest(), "NodesToUnregister"),
+            (ua.DeleteSubscriptionsRequest(), "SubscriptionIds"),
+            (ua.SetPublishingModeRequest(), "SubscriptionIds"),
+        ):
+            setattr(request.Parameters, name, None)
+            assert b"\xff\xff\xff\xff" in struct_to_binary(request.Parameters)
+            assert (await wire.ask(request))[0] == "Good", name
 
     run(check)

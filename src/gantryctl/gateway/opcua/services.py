@@ -74,11 +74,19 @@ class Holdings:
 Rule = Callable[[Holdings, Bounded], Buffer]
 
 
+def _with_list(found: Any, name: str) -> list[Any]:
+    """A list of the parameters; a null array means an empty one (Part 6, section 5.2.5), and asyncua fails on it."""
+    if getattr(found, name) is None:
+        setattr(found, name, [])
+    return list(getattr(found, name))
+
+
 def _list(parameters: Any, name: str, most: int) -> Rule:
     def rule(_: Holdings, body: Bounded) -> Buffer:
-        if len(getattr(struct_from_binary(parameters, body.copy()), name)) > most:
+        found = struct_from_binary(parameters, body)
+        if len(_with_list(found, name)) > most:
             raise ServiceError(ua.StatusCodes.BadTooManyOperations)
-        return body
+        return Buffer(struct_to_binary(found))
 
     return rule
 
@@ -93,8 +101,9 @@ def _of_one(parameters: Any) -> Rule:
 
 def _of_many(parameters: Any) -> Rule:
     def rule(held: Holdings, body: Bounded) -> Buffer:
-        held.must_own(*struct_from_binary(parameters, body.copy()).SubscriptionIds)
-        return body
+        found = struct_from_binary(parameters, body)
+        held.must_own(*_with_list(found, "SubscriptionIds"))
+        return Buffer(struct_to_binary(found))
 
     return rule
 
