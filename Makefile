@@ -51,7 +51,7 @@ demo: core
 test: setup lint types layers test-core page-check pytest
 
 pytest: setup $(NODE_OPCUA)
-	.venv/bin/python -m pytest -n 3
+	.venv/bin/python -m pytest -n 3 --dist worksteal
 
 test-slow: setup $(NODE_OPCUA)
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gantryctl.errors import DeviceError
+from gantryctl.errors import UsageError
 from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.trace.columns import DEGREE_UNITS, SI_UNITS, in_degrees, unit_of
 from gantryctl.trace.reader import read_trace
@@ -80,7 +80,7 @@ def test_a_stream_cut_at_any_byte_gives_all_whole_blocks_before_the_cut(tmp_path
     for length in range(len(whole)):
         cut.write_bytes(whole[:length])
         if length < ends[0]:
-            with suppress(DeviceError):  # the names may be there already
+            with suppress(UsageError):  # the names may be there already
                 assert len(read_trace(cut)) == 0
             continue
         trace = read_trace(cut)
@@ -95,7 +95,7 @@ def test_any_other_file_is_refused_with_one_kind_of_error(content: bytes, head: 
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "x"
         path.write_bytes(head + content)
-        with pytest.raises(DeviceError, match="x: "):
+        with pytest.raises(UsageError, match="x: "):
             read_trace(path)
 
 

@@ -17,6 +17,7 @@ from gantryctl.client.tags import Tags
 from gantryctl.client.wires import LocalWire, Wire
 from gantryctl.errors import AlarmStop, DeviceError, GantryctlError
 from gantryctl.notebook import facts_html
+from gantryctl.program.alarms.codes import Code
 
 Way = Literal["shortest", "positive", "negative", "current"]
 Setting = Literal["speed_setting_deg_s", "increment_deg", "override_percent", "acc_setting_deg_s2"]
@@ -141,9 +142,9 @@ class Axis:
         if self.welcome.place == "local" and not over:
             tags = self.tags
             if tags.authority_user and tags.authority_client != self.welcome.client:
-                raise Refused("SEC-07", f"{tags.authority_user} has control; over=True takes it")
+                raise Refused(Code.SEC_07, f"{tags.authority_user} has control; over=True takes it")
             if not tags.at_rest:
-                raise Refused("SEC-08", "the axis moves; over=True stops it and takes control")
+                raise Refused(Code.SEC_08, "the axis moves; over=True stops it and takes control")
         self._ask("take", over=over)
         self._controls = True
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from gantryctl.errors import UsageError
 from gantryctl.extras import need
+from gantryctl.files import check_place
 from gantryctl.notebook import table_html
 from gantryctl.trace.columns import SPACING_COLUMN, TIME_COLUMN, degree_factor, in_degrees, unit_of
 from gantryctl.trace.files import (
@@ -197,7 +198,12 @@ class Trace:
         write_csv(Path(path), self._data)
 
     def to_parquet(self, path: str | Path) -> None:
-        """Export with the metadata; `read_trace` reads it back."""
+        """Export with the metadata; `read_trace` reads it back.
+
+        Raises:
+            UsageError: there is no place of this name. DeviceError: the disk does not take it.
+        """
+        check_place(Path(path))
         schema = arrow_schema(self.columns, self.metadata)
         step = rows_per_group(schema)
         batches = (

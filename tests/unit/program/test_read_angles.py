@@ -32,14 +32,14 @@ def _raised(code: str, rig: Rig) -> str:
 
 
 def test_over_travel_and_a_foreseen_stop_name_the_angle_that_is_read():
-    """LIM-02 and CTL-10 by the monitor itself: measured, limit and the foreseen stop."""
+    """LIM-02 and CTL-10 by the monitor itself: measured and foreseen angles, and a limit that keeps its sign."""
     rig = Rig(at_deg=-100.0, config=_IEC)
     rig.power_up()
     monitors = rig.axis.monitors
     monitors._beyond_travel(rad(-180.6), rad(-180.6), 0.0)
-    assert _angles(_raised("LIM-02", rig)) == [179.4, 179.5]
+    assert _angles(_raised("LIM-02", rig)) == [179.4, -180.5]
     monitors._beyond_travel(rad(-179.0), rad(-182.0), rad(-6.0))
-    assert _angles(_raised("CTL-10", rig)) == [178.0, 179.5]
+    assert _angles(_raised("CTL-10", rig)) == [178.0, -180.5]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_the_end_of_travel_and_what_is_still_open_are_read_within_the_turn():
     rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
     press(rig, reverse=True)
     rig.hold_key(8.0)
-    assert _angles(_raised("LIM-01", rig)) == [180.0]
+    assert _angles(_raised("LIM-01", rig)) == [-180.0]
     press(rig, reverse=False)
     press(rig, reverse=True)
     assert _angles(rig.refused()) == [180.0]

@@ -177,7 +177,7 @@ def test_too_much_torque_stops_the_axis():
 def test_the_end_of_travel_stops_the_axis():
     probe = simulated_probe(LINEAR, 179.0)
     probe.enable()
-    with pytest.raises(AlarmStop, match=r"permitted -180\.00\.\.180\.00 deg"):
+    with pytest.raises(AlarmStop, match=r"permitted -180\.00 to 180\.00 deg"):
         probe.turn(rad(1.0))
 
 
@@ -219,5 +219,5 @@ def test_turning_comes_to_rest_again():
 
 
 def test_a_way_that_does_not_fit_is_refused():
-    with pytest.raises(UsageError, match=r"takes 48 deg: 155\.\.203 deg must lie within"):
+    with pytest.raises(UsageError, match=r"takes 48 deg: 155 to 203 deg must lie within"):
         measure_simulated(MACHINE, Condition("turning", 10.0, 0.3, 179.0, Friction.SLIDING))

@@ -93,7 +93,7 @@ def test_too_much_torque_or_travel_stops_a_compiled_probe() -> None:
     ):
         compiled(60.0, 2.0).run(loud, 500)
     probe = compiled(179.0)
-    with pytest.raises(AlarmStop, match=r"permitted -180\.00\.\.180\.00 deg"):
+    with pytest.raises(AlarmStop, match=r"permitted -180\.00 to 180\.00 deg"):
         probe.turn(rad(1.0))
 
 
