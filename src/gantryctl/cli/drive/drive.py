@@ -14,7 +14,7 @@ from gantryctl.cli.drive.gains import gains
 from gantryctl.cli.drive.node import drive_node
 from gantryctl.cli.drive.profiles import profiles
 from gantryctl.cli.drive.saving import save
-from gantryctl.cli.options import bus_log_option, config_option, json_option, print_json, write_text
+from gantryctl.cli.options import bus_log_option, config_option, confirm, json_option, print_json, write_text
 from gantryctl.cli.values import INPUT
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def restore(config_file: Path | None, yes: bool, file: Path) -> int:
     # Read before the question: a file that is no backup is refused without one.
     kept = _backup_file(file)
     if not yes:
-        click.confirm(f"write {len(kept['values'])} values of {kept['drive']} to the drive?", abort=True)
+        confirm(f"write {len(kept['values'])} values of {kept['drive']} to the drive?", "nothing is written")
     with drive_node(config_file) as (node, _, _machine):
         failed = write_all(node, kept)
     for line in failed:

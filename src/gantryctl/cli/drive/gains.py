@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.drive.node import drive_node, profile_of_node
-from gantryctl.cli.options import bus_log_option, config_option, json_option, print_json
+from gantryctl.cli.options import bus_log_option, config_option, confirm, json_option, print_json
 from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
@@ -71,8 +71,9 @@ def gains(
                 for change in changes:
                     click.echo(f"{change.name}  {_change(change, nm_per_a)}")
             if not yes:
-                click.confirm(
-                    "write these gains to the drive? The commissioning record is void then", abort=True
+                confirm(
+                    "write these gains to the drive? The commissioning record is void then",
+                    "nothing is written",
                 )
             with StateStore(machine) as state:
                 # Before anything is written: a record must not outlive the gains that it was made with.

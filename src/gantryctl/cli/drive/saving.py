@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gantryctl.cli.drive.node import drive_node, profile_of_node
-from gantryctl.cli.options import bus_log_option, config_option
+from gantryctl.cli.options import bus_log_option, config_option, confirm
 
 
 @click.command()
@@ -23,7 +23,7 @@ def save(config_file: Path | None, yes: bool) -> int:
     from gantryctl.drives.profiles import Saving
 
     if not yes:
-        click.confirm("store the drive's present parameters for good?", abort=True)
+        confirm("store the drive's present parameters for good?", "nothing is stored")
     with drive_node(config_file) as (node, settings, _):
         profile = profile_of_node(node, settings)
         done = store(node, Saving() if profile is None else profile.saving)

@@ -164,7 +164,7 @@ def test_written_gains_make_the_record_void(
         record.write_text("a record", encoding="utf-8")
     # Nobody answers the question.
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
-    assert cli("drive", "gains", "--kp-times", 2, "--config", config).code != 0
+    assert cli("drive", "gains", "--kp-times", 2, "--config", config).code == 2
     assert record.exists()
     told = cli("drive", "gains", "--kp-times", 2, "--yes", "--save", "--config", config)
     assert told.code == 0, told.err
