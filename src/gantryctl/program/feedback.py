@@ -355,9 +355,7 @@ class Feedback:
             # Position and speed come in telegrams of their own: what is old is no measure of what is new. A speed from
             # one step of the position is as wrong as its sample was late (a quarter for 1 ms of a scan of 4 ms), so
             # the one that was told stands until it is too old.
-            if self._speed_age >= self._old_scans and not missed:
-                vel_rad_s = step / (self._jump_per_speed * max(0.1, self.periods + self._spread))
-            else:
+            if missed or self._speed_age < self._old_scans:
                 vel_rad_s = self.vel_rad_s
             self._speed_scan = scan
             self._drift = 0.0

@@ -32,14 +32,14 @@ def _raised(code: str, rig: Rig) -> str:
 
 
 def test_over_travel_and_a_foreseen_stop_name_the_angle_that_is_read():
-    """LIM-02 and CTL-10 by the monitor itself: measured and foreseen angles, and a limit that keeps its sign."""
+    """LIM-02 and CTL-10 by the monitor itself: angles beyond an end keep their sign, as the end does."""
     rig = Rig(at_deg=-100.0, config=_IEC)
     rig.power_up()
     monitors = rig.axis.monitors
     monitors._beyond_travel(rad(-180.6), rad(-180.6), 0.0)
-    assert _angles(_raised("LIM-02", rig)) == [179.4, -180.5]
+    assert _angles(_raised("LIM-02", rig)) == [-180.6, -180.5]
     monitors._beyond_travel(rad(-179.0), rad(-182.0), rad(-6.0))
-    assert _angles(_raised("CTL-10", rig)) == [178.0, -180.5]
+    assert _angles(_raised("CTL-10", rig)) == [-182.0, -180.5]
 
 
 @pytest.mark.parametrize(

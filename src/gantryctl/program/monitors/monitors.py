@@ -270,15 +270,17 @@ class Monitors:
         low, high = self._over_travel_minus, self._over_travel_plus
         above = pos_rad > high or stop_rad > high
         beyond, sector = high if above else low, self._sector_beyond(pos_rad, above)
-        read = self._travel.read_rad
-        at, stop = deg(read(pos_rad)), deg(read(stop_rad))
         if sector is not None:
-            begin, end = (deg(read(edge)) for edge in sector)
+            read = self._travel.read_rad
+            at, stop, begin, end = (deg(read(angle)) for angle in (pos_rad, stop_rad, *sector))
             self._alarms.raise_(Code.LIM_06, measured=at, position=stop, begin=begin, end=end)
-        elif not low <= pos_rad <= high:
-            self._alarms.raise_(Code.LIM_02, measured=at, limit=deg(self._travel.read_end_rad(beyond)))
+            return
+        # An angle beyond an end and the end are written alike, or nobody can compare them.
+        signed = self._travel.read_end_rad
+        at, stop, limit = (deg(signed(angle)) for angle in (pos_rad, stop_rad, beyond))
+        if not low <= pos_rad <= high:
+            self._alarms.raise_(Code.LIM_02, measured=at, limit=limit)
         else:
-            limit = deg(self._travel.read_end_rad(beyond))
             self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=stop, limit=limit)
 
     def _sector_beyond(self, pos_rad: float, above: bool) -> Sector | None:
