@@ -150,6 +150,8 @@ class ServiceAxis:
             if self._powered:
                 link.ask("power", on=False)
             link.ask("give")
+            # The next command reads from the tags who has control: it must not find this one there.
+            self._until(lambda tags: tags["authority_client"] != link.client)
         self._connection, self._powered = None, False
 
     # --- commands ------------------------------------------------------------------------------------------------
