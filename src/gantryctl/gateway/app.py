@@ -28,6 +28,7 @@ from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
+from gantryctl.service.clients.samples import Samples
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 
 
@@ -35,7 +36,7 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
     """The ASGI application; its hub runs for as long as the application does."""
     hub = Hub(memory, Source.WEB)
     access = Access(settings, hub, LinkTaker(memory.words))
-    live, rest, shown = Live(access, hub), Rest(access, hub), page or Page()
+    live, rest, shown = Live(access, hub), Rest(access, hub, Samples(memory)), page or Page()
 
     @contextlib.asynccontextmanager
     async def running(_: Starlette) -> AsyncIterator[None]:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+import math
+from collections.abc import Awaitable, Callable, Iterable
 from typing import Any, Final
 
 from starlette.requests import ClientDisconnect, Request
@@ -24,6 +25,8 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
+from gantryctl.service.clients.samples import ANSWERS_PER_S, ROWS_MAX, Samples
+from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Action
 from gantryctl.service.protocol.tags import TAGS
@@ -31,15 +34,17 @@ from gantryctl.service.recorder.journal.reading import read_journal
 
 # Lines of one answer; a client asks again from the last number.
 JOURNAL_MAX: Final = 10_000
-_JOURNAL_QUERY: Final = (("from", "0"), ("limit", "1000"))
+_JOURNAL_QUERY: Final = (("from", 0), ("limit", 1000))
+_SAMPLES_QUERY: Final = (("from", NUMBER_MAX), ("limit", ROWS_MAX))
 Handler = Callable[[Request], Awaitable[Response]]
 
 
 class Rest:
     """All routes of the table, each behind its check."""
 
-    def __init__(self, access: Access, hub: Hub) -> None:
-        self._access, self._hub = access, hub
+    def __init__(self, access: Access, hub: Hub, samples: Samples) -> None:
+        self._access, self._hub, self._scans = access, hub, samples
+        self._scopes = RateLimiter(ANSWERS_PER_S, now=hub.now)
         self._directory = access.settings.directory
         self._files = Traces(self._directory / "traces")
         self._described = openapi()
@@ -107,12 +112,22 @@ class Rest:
         headers = {"content-length": str(size), "content-disposition": f'attachment; filename="{name}"'}
         return StreamingResponse(content, 200, headers, media_type="application/vnd.apache.parquet")
 
+    async def _samples(self, request: Request) -> Response:
+        asked = _numbers(request, _SAMPLES_QUERY)
+        if isinstance(asked, Response):
+            return asked
+        wait_s = self._scopes.wait_s()
+        if wait_s > 0.0:
+            busy = refusal(Code.SEC_06, reason=Words.TOO_MANY_SCOPES(limit=ANSWERS_PER_S))
+            return error(429, busy, retry_after=str(math.ceil(wait_s)))
+        # Beside the loop: status frames and commands, a Stop above all, do not wait for a long answer.
+        return JSONResponse(await asyncio.to_thread(self._scans.read, *asked))
+
     async def _journal(self, request: Request) -> Response:
-        asked = {name: request.query_params.get(name, default) for name, default in _JOURNAL_QUERY}
-        for name, text in asked.items():
-            if not (text.isascii() and text.isdigit() and len(text) <= len(str(NUMBER_MAX))):
-                return error(400, refusal(Code.SEC_05, reason=Words.WHOLE_NUMBER(name=name)))
-        after, limit = map(int, asked.values())
+        asked = _numbers(request, _JOURNAL_QUERY)
+        if isinstance(asked, Response):
+            return asked
+        after, limit = asked
         try:
             rows = await asyncio.to_thread(read_journal, self._directory, after, min(limit, JOURNAL_MAX))
         except GantryctlError as fault:
@@ -132,3 +147,14 @@ class Rest:
         if session is not None:
             who = Identity("", session.user, session.role, self._access.place(request))
             self._hub.events.put("read", text, who)
+
+
+def _numbers(request: Request, query: Iterable[tuple[str, int]]) -> list[int] | Response:
+    """The whole numbers of a query, by names and defaults; or why it is not understood."""
+    asked = []
+    for name, default in query:
+        text = request.query_params.get(name, str(default))
+        if not (text.isascii() and text.isdigit() and len(text) <= len(str(NUMBER_MAX))):
+            return error(400, refusal(Code.SEC_05, reason=Words.WHOLE_NUMBER(name=name)))
+        asked.append(int(text))
+    return asked

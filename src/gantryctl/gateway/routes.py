@@ -67,6 +67,11 @@ ROUTES: Final = (
         schema=refer("Status"),
     ),
     RouteEntry(
+        "GET", "/samples", "samples", Action.VIEW, "Tags of every scan from row number `from` on, while power is on.",
+        {200: "rows that are still in memory", 400: "not understood", **_LOG_IN}, ("from", "limit"),
+        schema=refer("Samples"),
+    ),
+    RouteEntry(
         "GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN},
         schema=refer("Alarms"),
     ),

@@ -205,6 +205,13 @@ def evidence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Eviden
     memory.close()
 
 
+def test_all_scopes_together_get_no_more_answers_than_the_gateway_can_spare(evidence: Evidence) -> None:
+    asked = [ask(evidence.app, "GET", f"{API}/samples", cookie=evidence.cookie) for _ in range(30)]
+    assert [each[0] for each in asked[:20]] == [200] * 20
+    refused = next(each for each in asked if each[0] == 429)
+    assert "all scopes together get 20 answers a second" in json.loads(refused[2])["error"]["text"]
+
+
 def test_who_reads_evidence_is_in_the_journal(evidence: Evidence) -> None:
     app, memory, cookie, recording = evidence
     assert ask(app, "GET", f"{API}/traces/{recording}", cookie=cookie)[2] == b"rows"

@@ -698,6 +698,10 @@ class Words(Enum):
     WHOLE_NUMBER = "{name}: a whole number from 0 up", "{name}：不小于 0 的整数"
     TOO_MANY_COMMANDS = "more than {limit:g} commands in a second", "一秒内超过 {limit} 条命令"
     TOO_MANY_REQUESTS = "too many requests", "请求过多"
+    TOO_MANY_SCOPES = (
+        "all scopes together get {limit:g} answers a second: close one elsewhere",
+        "所有示波器合计每秒只得到 {limit} 次应答：请关闭别处的一个",
+    )
     TOO_MANY_CONNECTIONS = "too many connections", "连接过多"
     NO_COMMANDS_NOW = "the controller takes no commands now", "控制器现在不接受命令"
     NO_JOURNAL = (

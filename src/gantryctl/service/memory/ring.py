@@ -96,20 +96,20 @@ class Ring:
 
     def peek(self, limit: int, skip: int = 0) -> list[bytes | None]:
         """Return the oldest records but `skip`, at most `limit`, and leave them in the ring; None for a damaged one."""
-        words, memory = self._words, self._memory
+        words = self._words
         head, tail = words[_HEAD], words[_TAIL]
         # No writer of this program leaves such numbers: start over at the tail.
         if not 0 <= tail - head <= self.slots:
             words[_DAMAGED] += 1
             words[_HEAD] = tail
             return []
-        found: list[bytes | None] = []
-        for number in range(head + skip, min(tail, head + skip + limit)):
-            at = _FIRST_SLOT + number % self.slots * self._slot
-            length, check = _RECORD.unpack_from(memory, at)
-            record = bytes(memory[at + 8 : at + 8 + min(length, self.record_max)])
-            found.append(record if len(record) == length and zlib.crc32(record) == check else None)
-        return found
+        return [self._read(number) for number in range(head + skip, min(tail, head + skip + limit))]
+
+    def _read(self, number: int) -> bytes | None:
+        at = _FIRST_SLOT + number % self.slots * self._slot
+        length, check = _RECORD.unpack_from(self._memory, at)
+        record = bytes(self._memory[at + 8 : at + 8 + min(length, self.record_max)])
+        return record if len(record) == length and zlib.crc32(record) == check else None
 
     def advance(self, count: int) -> None:
         """Remove the oldest `count` records."""
@@ -120,3 +120,23 @@ class Ring:
         waiting = len(self)
         self._words[_HEAD] = self._words[_TAIL]
         return waiting
+
+    # --- onlooker ---------------------------------------------------------------------------------
+
+    def look(self, first: int, limit: int) -> tuple[int, list[bytes | None]]:
+        """Return records that are still in memory, taken or not, and change nothing; a process beside both ends may.
+
+        Args:
+            first: number of the oldest record that is wanted, counted from 0 over all that were ever written. limit: of
+                records.
+
+        Returns:
+            Number of the first record, later than wanted where older ones are overwritten, and the records from there
+            on; None for a damaged one.
+        """
+        tail = self._words[_TAIL]
+        begin = min(max(first, tail - self.slots, 0), tail)
+        found = [self._read(number) for number in range(begin, min(tail, begin + limit))]
+        # What the writer has overwritten meanwhile, or overwrites now, may read as a whole record of another number.
+        overwritten = max(0, self._words[_TAIL] - self.slots + 1 - begin)
+        return begin + min(overwritten, len(found)), found[overwritten:]

@@ -77,6 +77,15 @@ _TAG_ROW: Final = exactly(
 )
 # Without `required`: before the controller has begun there is no tag but the lists of alarms.
 _TAGS: Final = exactly({tag.name: _of_tag(tag) for tag in TAGS}, optional=(tag.name for tag in TAGS))
+# Those that a recording has as columns.
+_SAMPLED: Final = exactly(
+    {
+        tag.name: {"type": "array", "items": {"type": ["number", "null"]}, "description": tag.meaning}
+        for tag in TAGS
+        if tag.kind in ("float", "int", "bool", "enum")
+    },
+    optional=(tag.name for tag in TAGS),
+)
 _EVENT: Final = exactly(
     {
         "seq": {**_COUNT, "description": "number in the journal"},
@@ -130,6 +139,21 @@ SCHEMAS: Final[dict[str, Schema]] = {
             "fresh": {**_FLAG, "description": "false: the controller is silent"},
             "age_ms": {"type": ["number", "null"], "description": "of the snapshot; null before the first"},
             "tags": refer("Tags"),
+        }
+    ),
+    "Samples": exactly(
+        {
+            "period_s": {
+                "type": ["number", "null"],
+                "description": "of the scan; null before the first start",
+            },
+            "from": {
+                **_COUNT,
+                "description": "number of the first row: a later one than asked for where older ones are gone",
+            },
+            "next": {**_COUNT, "description": "number to ask from next time"},
+            "newest": {**_COUNT, "description": "number of the row that comes next"},
+            "tags": _SAMPLED,
         }
     ),
     "Alarms": exactly({"active": list_of("AlarmRow"), "history": list_of("AlarmRow")}),
