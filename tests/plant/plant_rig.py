@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import pytest
+
 from gantryctl._core import GantrySim
 from gantryctl.image import DriveFeedback, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
@@ -16,6 +18,8 @@ from gantryctl.wiring.engine import build_engine, build_program
 from gantryctl.wiring.simulator import sim_drive
 
 SCANS_MS = (1.0, 4.0, 10.0)
+AT_EVERY_SCAN_MS = pytest.mark.parametrize("scan_ms", [1.0, pytest.param(4.0, marks=pytest.mark.slow), 10.0])
+"""The shortest and the longest find what a monitor counts in scans; the one between them is in the slow set."""
 NOMINAL_NM, CHECK_NM = 16_000.0, 50_000.0
 # From the onset of a feedback fault to rest, motor side, at 6, 3 and 1 deg/s.
 FEEDBACK_LIMIT_DEG = {6.0: 4.5, 3.0: 2.1, 1.0: 0.8}

@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.program import Code
 from gantryctl.units import rad
-from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
 RATED_NM = 257.0
 
@@ -29,7 +29,7 @@ def learned(scan_ms: float, moment_nm: float = 16_000.0) -> PlantRig:
     return rig
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize(("drag_share", "stops"), [(0.15, False), (0.25, True), (0.4, True)])
 def test_a_brake_that_drags_is_told_and_stops_the_motion(scan_ms, drag_share, stops):
     """60 N m warn (23 % of rated), 100 and 160 N m stop on the ramp; the limits are 15 and 30 %."""
@@ -49,7 +49,7 @@ def test_a_brake_that_drags_is_told_and_stops_the_motion(scan_ms, drag_share, st
     assert rig.torque_most_nm < rig.machine.motor.torque_max_nm
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 def test_before_it_has_learned_only_more_than_any_load_is_drag(scan_ms):
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 30.0)
     rig.power_up(0.5)
@@ -88,7 +88,7 @@ def test_what_was_learned_serves_the_next_run():
     assert rig.codes == ["BRK-02"]
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("speed", [6.0, 1.0])
 def test_a_stop_by_the_brake_is_counted_with_its_energy(scan_ms, speed):
     rig = PlantRig(machine_at(scan_ms), 0.0)

@@ -13,9 +13,8 @@ from gantryctl.image import DriveRequest
 from gantryctl.program import Code, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import rad
-from plant.plant_rig import CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig, machine_at
 
-SCANS_MS = (1.0, 4.0, 10.0)
 SPEEDS = (6.0, 3.0, 1.0)
 
 
@@ -40,7 +39,7 @@ def assert_told_as_doubt(rig: PlantRig, way_deg: float, limit_deg: float) -> Non
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("gain", [0.0, -1.0], ids=["frozen", "sign"])
 def test_encoder_of_the_drive_fails_in_motion(
     gain: float, scan_ms: float, speed: float, direction: float
@@ -53,7 +52,7 @@ def test_encoder_of_the_drive_fails_in_motion(
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5])
 @pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: float) -> None:
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
     rig.cruise(speed)
@@ -69,7 +68,7 @@ def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: fl
 
 # Until it is seen, a reading that stands drives the speed command by the error that seems to grow.
 @pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("speed_too", [False, True], ids=["position", "position and speed"])
 def test_only_the_reading_freezes(speed_too: bool, scan_ms: float, speed: float) -> None:
     """The drive's own loop goes on with a sound encoder: the axis stops, and nobody knows where."""
@@ -85,7 +84,7 @@ def test_only_the_reading_freezes(speed_too: bool, scan_ms: float, speed: float)
 @pytest.mark.parametrize("own_loop", [False, True], ids=["reading", "encoder"])
 @pytest.mark.parametrize("jump_deg", [0.05, -0.05, 0.3147, -2.0])
 @pytest.mark.parametrize("speed", [6.0, -6.0, 1.0, -1.0])
-@pytest.mark.parametrize("scan_ms", [*SCANS_MS, 20.0])
+@pytest.mark.parametrize("scan_ms", [1.0, pytest.param(4.0, marks=pytest.mark.slow), 10.0, 20.0])
 def test_a_jump_is_seen_with_and_against_the_motion(
     scan_ms: float, speed: float, jump_deg: float, own_loop: bool
 ) -> None:
@@ -126,7 +125,7 @@ def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> No
 
 @pytest.mark.parametrize("at_deg", [-70.0, 20.0])
 @pytest.mark.parametrize("moment_nm", [NOMINAL_NM, CHECK_NM])
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize(
     "stop",
     ["quick stop", "torque off", "brake in motion"],

@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program import Code, PowerPhase
-from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
 CAUGHT_DEG = 0.15
 """M-B: a brake that slips at rest, caught by the motor."""
@@ -23,7 +23,7 @@ def slipping(scan_ms: float, moment_nm: float, **faults: object) -> PlantRig:
     return rig
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("moment_nm", MOMENTS_NM)
 @pytest.mark.parametrize("torque_share", [1.0, 0.3])
 def test_a_sound_hold_catches_the_load_and_does_not_say_that_it_moves(scan_ms, moment_nm, torque_share):
@@ -35,7 +35,7 @@ def test_a_sound_hold_catches_the_load_and_does_not_say_that_it_moves(scan_ms, m
     assert rig.engine.output.horn, "a brake that slips sounds the horn"
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms, oracle):
     rig = slipping(scan_ms, CHECK_NM, torque_limit_share=0.05)
     rig.until(lambda: "BRK-13" in rig.codes, 5.0)
@@ -49,7 +49,7 @@ def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms
     oracle.caught("INV-1")  # neither brake nor motor can hold it
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("moment_nm", MOMENTS_NM)
 def test_torque_that_drives_the_load_goes_off(scan_ms, moment_nm):
     """The encoder turns the wrong way round, for the drive's own loop too: 400 deg without this."""
@@ -66,7 +66,7 @@ def test_torque_that_drives_the_load_goes_off(scan_ms, moment_nm):
     assert rig.reach_deg < 0.35
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("code", [Code.CAN_12, Code.DRV_05, Code.DRV_07, Code.CTL_05, Code.ENC_05])
 def test_no_torque_by_itself_after_feedback_or_drive_were_in_doubt(scan_ms, code):
     rig = slipping(scan_ms, CHECK_NM)
@@ -81,7 +81,7 @@ def test_no_torque_by_itself_after_feedback_or_drive_were_in_doubt(scan_ms, code
     assert rig.engine.output.request is DriveRequest.DISABLE
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 def test_a_slip_with_the_emergency_stop_open_is_told_and_not_held(scan_ms, oracle):
     rig = slipping(scan_ms, CHECK_NM, estop_ok=False)
     rig.run(1.0)

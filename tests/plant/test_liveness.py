@@ -10,13 +10,12 @@ from dataclasses import replace
 import pytest
 
 from gantryctl.program import Code, PowerPhase
-from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
 NOMINAL_NM = 16_000.0
 LIMIT_DEG = {6.0: 4.5, 3.0: 2.1, 1.0: 0.8}
 STANDSTILL_DEG = 0.35
 MOMENTS = pytest.mark.parametrize("moment_nm", [NOMINAL_NM, CHECK_NM])
-SCANS = pytest.mark.parametrize("scan_ms", SCANS_MS)
 WRONG = pytest.mark.parametrize("gain", [0.0, -1.0], ids=["frozen", "sign"])
 
 
@@ -33,7 +32,7 @@ def assert_in_doubt(rig: PlantRig, limit_deg: float, *codes: Code) -> None:
 
 @WRONG
 @MOMENTS
-@SCANS
+@AT_EVERY_SCAN_MS
 def test_the_torque_proof_shows_a_wrong_encoder_behind_the_closed_brake(
     scan_ms: float, moment_nm: float, gain: float
 ) -> None:
@@ -48,7 +47,7 @@ def test_the_torque_proof_shows_a_wrong_encoder_behind_the_closed_brake(
 
 @WRONG
 @MOMENTS
-@SCANS
+@AT_EVERY_SCAN_MS
 def test_without_a_proof_it_shows_when_the_brake_has_opened(
     scan_ms: float, moment_nm: float, gain: float
 ) -> None:
@@ -64,7 +63,7 @@ def test_without_a_proof_it_shows_when_the_brake_has_opened(
 
 @WRONG
 @MOMENTS
-@SCANS
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("angle_deg", [90.0, 0.0, -60.0])
 def test_at_standstill(angle_deg: float, scan_ms: float, moment_nm: float, gain: float) -> None:
     rig = PlantRig(machine_at(scan_ms, moment_nm), angle_deg, holding_nm=moment_nm / 1144.0)
@@ -82,7 +81,7 @@ def test_at_standstill(angle_deg: float, scan_ms: float, moment_nm: float, gain:
         assert rig.reach_deg < 0.001
 
 
-@SCANS
+@AT_EVERY_SCAN_MS
 @MOMENTS
 @pytest.mark.parametrize("left_s", [0.15, 0.08, 0.03, 0.0, -0.03])
 def test_frozen_in_the_last_instants_of_a_quick_stop(left_s: float, moment_nm: float, scan_ms: float) -> None:
@@ -100,7 +99,7 @@ def test_frozen_in_the_last_instants_of_a_quick_stop(left_s: float, moment_nm: f
     assert rig.phase in (PowerPhase.OFF, PowerPhase.TORQUE_HOLD)
 
 
-@SCANS
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("speed", [6.0, 3.0, 1.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("gain", [0.02, 0.1, 0.5])
@@ -128,7 +127,7 @@ def test_a_tenth_that_slips_at_once_is_seen_from_a_fifth_of_a_degree_per_second_
     assert_in_doubt(rig, LIMIT_DEG[speed], Code.ENC_14)
 
 
-@SCANS
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize(
     ("moment_nm", "feedback"),
     [

@@ -9,7 +9,7 @@ import pytest
 from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.program import Code, PowerPhase
 from gantryctl.units import rad
-from plant.plant_rig import SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, PlantRig, machine_at
 
 RATED_NM = 257.0
 
@@ -24,7 +24,7 @@ def put_on(rig: PlantRig, moment_nm: float, seconds: float) -> None:
         rig.run(0.05)
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 def test_a_heavy_load_is_told_and_held(scan_ms):
     rig = PlantRig(machine_at(scan_ms), 90.0, holding_nm=14.0)
     rig.power_up(1.0)
@@ -36,7 +36,7 @@ def test_a_heavy_load_is_told_and_held(scan_ms):
     assert rig.reach_deg < 0.02
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("seconds", [0.5, 5.0])
 def test_a_load_that_is_too_heavy_goes_to_the_brake_before_the_torque_goes(scan_ms, seconds):
     rig = PlantRig(machine_at(scan_ms), 90.0, holding_nm=14.0)
@@ -67,7 +67,7 @@ def swing(rig: PlantRig, amplitude_deg_s: float, rate_hz: float) -> None:
     rig.engine.drive.write = swinging
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("rate_hz", [1.5, 3.0])
 def test_an_oscillation_is_stopped_after_a_second(scan_ms, moving, rate_hz, oracle):
@@ -86,7 +86,7 @@ def test_an_oscillation_is_stopped_after_a_second(scan_ms, moving, rate_hz, orac
         oracle.caught(invariant)
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 def test_the_swing_of_the_load_after_stops_is_no_oscillation(scan_ms):
     rig = PlantRig(machine_at(scan_ms, 50_000.0), 60.0)
     rig.power_up(1.0)

@@ -9,12 +9,11 @@ import pytest
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
 from gantryctl.units import deg, rad
-from plant.plant_rig import PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, PlantRig, machine_at
 
 SECTORS = ((-120.0, -60.0), (60.0, 120.0))
 EDGE_DEG, SPEED_DEG_S = 60.0, 3.0
 BOTH_WAYS = pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "back"])
-SCANS = pytest.mark.parametrize("scan_ms", [1.0, 4.0, 10.0])
 
 
 def machine(scan_ms: float) -> Machine:
@@ -31,7 +30,7 @@ def watch(rig: PlantRig, direction: float, seconds: float) -> tuple[float, float
 
 
 @BOTH_WAYS
-@SCANS
+@AT_EVERY_SCAN_MS
 def test_a_set_point_that_goes_into_a_sector_is_stopped_before_it(scan_ms: float, direction: float) -> None:
     """A faulty program plans without the sector: motor and load come to rest outside by a quick stop.
 

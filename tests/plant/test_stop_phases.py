@@ -7,7 +7,7 @@ import pytest
 from gantryctl.image import DriveRequest
 from gantryctl.program import Code, PowerPhase, Reaction
 from gantryctl.units import rad
-from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
 STOPS = {
     Reaction.QUICK_STOP: Code.LIM_03,
@@ -54,7 +54,7 @@ def in_phase(phase: PowerPhase, scan_ms: float, share: int) -> PlantRig:
     return rig
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("share", [0, 2])
 @pytest.mark.parametrize("reaction", list(STOPS))
 @pytest.mark.parametrize("phase", [phase for phase in PowerPhase if phase is not PowerPhase.TORQUE_HOLD])
@@ -86,7 +86,7 @@ def test_a_stop_ends_with_the_load_held(phase, reaction, share, scan_ms):
     assert set(rig.codes) <= {str(code), "INT-06", "INT-03", "BRK-11"}
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
 def test_a_sound_machine_keeps_its_brake_times(scan_ms, moment_nm):
     """Up, parked by the brake, woken by a move, down again: no brake time runs out at any scan period."""

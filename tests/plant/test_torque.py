@@ -7,7 +7,7 @@ import pytest
 from gantryctl.image import DriveFeedback, DriveRequest
 from gantryctl.program import PowerPhase
 from gantryctl.units import deg, rad
-from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, SCANS_MS, PlantRig, machine_at
 
 LIMIT_DEG = {6.0: 3.6, 3.0: 1.4, 1.0: 0.45}
 """Torque off and brake, from the onset of the fault to rest."""
@@ -77,7 +77,7 @@ def fail(rig: PlantRig, fault: str, speed: float, small: bool) -> float:
     return abs(rig.motor_deg - start)
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
@@ -98,7 +98,7 @@ def test_torque_lost_and_shaft_blocked(scan_ms, speed, place, moment_nm, fault, 
         oracle.caught("INV-1")  # counts from the onset, which nothing could see
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("angle_deg", [90.0, -90.0, 0.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_motor_started_against_a_closed_brake_gives_up_early(scan_ms, angle_deg, sign):
@@ -116,7 +116,7 @@ def test_a_motor_started_against_a_closed_brake_gives_up_early(scan_ms, angle_de
     assert rig.reach_deg < 0.02
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
 def test_a_brake_that_does_not_open_is_not_fought(scan_ms, moment_nm):
     """C1 with a sound contact: the drive stands at zero speed and gives no more than the proof and the preload."""
@@ -147,7 +147,7 @@ def test_torque_lost_at_standstill_lets_the_load_go_by_no_more_than_a_brake_that
 # --- a torque reading that is wrong by 300 N m ----------------------------------------------------
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("offset_nm", [300.0, -300.0])
 @pytest.mark.parametrize("when", ["off", "enabled", "standstill", "motion", "stopping"])
 def test_a_wrong_torque_reading_is_told_and_neither_learned_nor_given(scan_ms, offset_nm, when):

@@ -35,7 +35,7 @@ FASTER_DEG_S = 1.2
 FOREIGN_DEG_S = 3.0
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(FRAMES, min_size=1, max_size=8))
 def test_any_frame_from_the_bus_never_raises_and_never_moves_the_axis(
     scans: list[list[tuple[int, bytes]]],

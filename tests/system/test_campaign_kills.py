@@ -67,6 +67,7 @@ def undisturbed(campaign: Path, folder: Path) -> bytes:
     return sorted_bytes(folder / "undisturbed.result")
 
 
+@pytest.mark.slow  # test_campaign_processes kills the client in the fast set
 @pytest.mark.timeout(240)
 def test_three_kills_change_no_byte(tmp_path: Path) -> None:
     campaign = campaign_file(tmp_path, 2048)

@@ -5,7 +5,6 @@ The drive is stepped: its time goes on by SYNC, so that what is judged does not 
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import time
@@ -197,16 +196,3 @@ def test_the_drive_stops_by_itself_when_the_controller_is_killed(bus: VcanBus, t
     assert refused.err.startswith("error: DRV-15"), refused.err
     assert refused.code == 2
     bus.reset()
-
-
-def test_a_drive_is_commissioned_with_its_stops(bus: VcanBus) -> None:
-    code, said = bus.commission("y\ny\nn\n")  # at standstill, near, but not the whole travel
-    assert code == 1
-    assert "  left out" in said
-    kept = json.loads((bus.folder / "state" / "hust_can" / "commissioning.json").read_text())
-    steps = {key: result["outcome"] for key, result in kept["results"].items()}
-    assert list(steps)[:4] == ["identity", "encoder", "defaults", "parameters"]
-    assert {"pdo", "sync", "silence", "brake", "sign", "velocity", "loop", "stops"} <= steps.keys(), said
-    assert "failed" not in steps.values(), said
-    # What comes of waiting for a drive that has left OPERATIONAL: 3 s in each scan, minutes for a silence.
-    assert kept["results"]["stops"]["seconds"] < 120.0, said

@@ -1,10 +1,12 @@
-"""Controller and drive over a vcan0 that loses, delays and doubles frames in motion; run inside `support/vcan.sh`.
+"""Controller and drive over a vcan0 that loses, delays and doubles frames in motion, and the steps of commissioning.
 
-The drive is stepped: it waits for a SYNC that is late or lost, so what is judged is what each side says, in its order.
+Run inside `support/vcan.sh`. The drive is stepped: it waits for a SYNC that is late or lost, so what is judged is what
+each side says, in its order.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -55,3 +57,16 @@ def test_a_frame_of_ours_that_comes_twice_is_told_as_another_sender(bus: VcanBus
     code, out, err = spoiled_move(bus, 20.0, "duplicate", "5%")
     assert code == 4, err
     assert out["alarms"][0].split()[0] in ("CAN-12", "CAN-16"), out["alarms"]
+
+
+def test_a_drive_is_commissioned_with_its_stops(bus: VcanBus) -> None:
+    code, said = bus.commission("y\ny\nn\n")  # at standstill, near, but not the whole travel
+    assert code == 1
+    assert "  left out" in said
+    kept = json.loads((bus.folder / "state" / "hust_can" / "commissioning.json").read_text())
+    steps = {key: result["outcome"] for key, result in kept["results"].items()}
+    assert list(steps)[:4] == ["identity", "encoder", "defaults", "parameters"]
+    assert {"pdo", "sync", "silence", "brake", "sign", "velocity", "loop", "stops"} <= steps.keys(), said
+    assert "failed" not in steps.values(), said
+    # What comes of waiting for a drive that has left OPERATIONAL: 3 s in each scan, minutes for a silence.
+    assert kept["results"]["stops"]["seconds"] < 120.0, said

@@ -69,7 +69,16 @@ def test_a_drive_without_an_object_that_is_written_first_is_refused_by_its_row(
 
 # The coarsest unit of speed, 0.005 deg/s at the gantry; a unit that is written to 60A9, and 6076 in uN m.
 # Inputs of an I/O node, and 6072 that ends at 1000 per mille.
-@pytest.mark.parametrize("name", ["Trinamic TMCM-1617 fw1.06", "maxon EPOS4 0x1018", "Yiyou servo v1.4"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Yiyou servo v1.4",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("Trinamic TMCM-1617 fw1.06", "maxon EPOS4 0x1018")
+        ),
+    ],
+)
 def test_a_drive_of_the_field_passes_what_needs_no_whole_turn(name: str) -> None:
     found = commissioned(TABLES[name], whole=False)
     # The Yiyou counts increments in 6064 and 60FF and has no 608F: nothing in it shows how many a turn has.
