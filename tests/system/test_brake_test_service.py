@@ -114,9 +114,10 @@ def test_power_is_switched_watched_and_left_from_the_command_line(
 ) -> None:
     monkeypatch.setenv("GANTRYCTL_STATE", str(service.root))
     assert "hust_gantry: no alarm has stopped" in cli("why", "--service").out
-    assert cli("power", "on", "--yes") == (0, "power is on\n", "")
+    until = "; it goes off after 300 s at rest with nobody in control\n"
+    assert cli("power", "on", "--yes") == (0, f"power is on{until}", "")
     # Each command finds control free, however soon it follows: one of four was refused by SEC-07 before.
-    assert {cli("power", "on", "--yes") for _ in range(16)} == {(0, "power was on already\n", "")}
+    assert {cli("power", "on", "--yes") for _ in range(16)} == {(0, f"power was on already{until}", "")}
     # The command has ended and power is still there; without an answer it would not have come.
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
     answer = cli("power", "on")
@@ -128,7 +129,13 @@ def test_power_is_switched_watched_and_left_from_the_command_line(
         assert watching.wait(20) == 0
     assert [line["power"] for line in lines] == [True, True]
     # A line a second of the axis; the status frames come every 50 ms.
-    assert 0.99 <= lines[1]["time_s"] - lines[0]["time_s"] <= 1.5
+    passed_s = lines[1]["time_s"] - lines[0]["time_s"]
+    assert 0.99 <= passed_s <= 1.5
+    # Nobody has control, so the time left goes down as the time of the axis goes on, a scan or two apart.
+    first, second = (line["unheld_power_left_s"] for line in lines)
+    assert 0.0 < second < first < 300.0
+    assert first - second == pytest.approx(passed_s, abs=0.05)
+    assert "; off in " in cli("status", "--service").out
     assert cli("power", "off").out == "power is off\n"
     assert cli("power", "off").out == "power was off already\n"
 

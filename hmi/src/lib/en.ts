@@ -51,6 +51,8 @@ export const en = {
   take: 'Take control',
   take_over: 'Take over',
   give: 'Give back',
+  unheld_power: 'Power off in {s} s',
+  unheld_power_why: 'Nobody has control. Who takes it keeps power on.',
   stop: 'Stop',
   quick_stop: 'Quick stop',
   stop_title: 'Stops on the jog-release ramp (Esc). Not an emergency stop.',

@@ -202,6 +202,8 @@ export interface Tags {
   authority_client: string | null;
   /** The holder sits at the local console. */
   authority_local: boolean | null;
+  /** Time at rest until power is switched off because nobody has control; null while that does not count. [s] */
+  unheld_power_left_s: number | null;
   /** Motion mode; changes at standstill only. */
   mode: 'none' | 'continuous' | 'incremental' | null;
   /** Speed of moves, keys and increments. [deg/s] */

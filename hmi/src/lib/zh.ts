@@ -50,6 +50,8 @@ export const zh: Record<Key, string> = {
   take: '取得控制权',
   take_over: '接管',
   give: '交还',
+  unheld_power: '{s} 秒后断电',
+  unheld_power_why: '无人控制。取得控制权即可保持通电。',
   stop: '停止',
   quick_stop: '快速停止',
   stop_title: '按松键斜坡停止（Esc）。不是急停。',

@@ -250,6 +250,9 @@ class Tags:
     """Client id of the holder; `welcome.client` is your own."""
     authority_local: bool
     """The holder sits at the local console."""
+    unheld_power_left_s: float | None
+    """Time at rest until power is switched off because nobody has control; None while that does not
+    count. [s]"""
     mode: Literal["none", "continuous", "incremental"]
     """Motion mode; changes at standstill only."""
     speed_setting_deg_s: float

@@ -513,6 +513,7 @@ ELSEWHERE = {
     "accuracy.tracker_noise_um": "accuracy",
     "accuracy.dwell_s": "accuracy",
     "accuracy.average_s": "accuracy",
+    "monitors.unheld_power_time_s": "the service: tests/unit/service/test_unheld_power.py",
     "plant.load.eccentric_check_moment_nm": "rules between keys",
     "plant.load_encoder.fitted": "the simulated ring: tests/physics/test_encoder.py",
     "plant.load_encoder.bits": "the simulated ring",

@@ -18,6 +18,8 @@ from gantryctl.cli.options import (
 def power() -> None:
     """Switch power at the running service on or off, and leave it so.
 
+    It goes off by itself when the axis stands and nobody has control for [monitors] unheld_power_time_s.
+
     A command without a service has power only while it moves, and takes it off itself.
     """
 
@@ -27,7 +29,11 @@ def power() -> None:
 @click.option("--yes", is_flag=True, help="Do not ask before the brake opens.")
 @take_over_option
 def on(config_file: Path | None, yes: bool, take_over: bool) -> int:
-    """Enable the drive and open the brake; the motor holds the load until somebody switches off."""
+    """Enable the drive and open the brake; the motor holds the load.
+
+    Power stays on after the command, which leaves control free. Take control at the page or move the axis
+    before [monitors] unheld_power_time_s have passed, 300 s as shipped; otherwise it is switched off.
+    """
     return _switch(config_file, on=True, yes=yes, take_over=take_over)
 
 
@@ -53,5 +59,7 @@ def _switch(config_file: Path | None, *, on: bool, yes: bool, take_over: bool) -
         )
     changed = axis.switch(on)
     word = "on" if on else "off"
-    click.echo(f"power is {word}" if changed else f"power was {word} already")
+    left_s = machine.monitors.unheld_power_time_s
+    rest = f"; it goes off after {left_s:g} s at rest with nobody in control" if on else ""
+    click.echo((f"power is {word}" if changed else f"power was {word} already") + rest)
     return 0

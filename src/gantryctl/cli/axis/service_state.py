@@ -82,13 +82,20 @@ def service_rows(tags: Tags) -> list[tuple[str, str]]:
     lateness = f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"
     return [
         ("speed", "not known" if tags["vel_act_deg_s"] is None else f"{tags['vel_act_deg_s']:.3f} deg/s"),
-        ("power", "on" if tags["power"] else tags["blocked_by"] or "off"),
+        ("power", _power_words(tags)),
         ("drive", str(tags["drive_state"]).replace("_", " ")),
         ("control", tags["authority_user"] or "free"),
         ("scan", lateness),
         ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
         ("configuration", tags["config_hash"]),
     ]
+
+
+def _power_words(tags: Tags) -> str:
+    if not tags["power"]:
+        return tags["blocked_by"] or "off"
+    left_s = tags["unheld_power_left_s"]
+    return "on" if left_s is None else f"on; off in {left_s:.0f} s, because nobody has control"
 
 
 def _rad(angle_deg: float | None) -> float | None:

@@ -59,6 +59,13 @@ class MonitorsTable(Table):
         1000.0,
         "Hold-to-run ends so long after the issue of the newest status frame that a renewal has named.",
     )
+    # A holder who has gone for a moment, or whose page is loaded again, finds power as it was; a night is too long.
+    unheld_power_time_s: float = number(
+        300.0,
+        2.0,
+        7200.0,
+        "The service switches power off after so long at rest with nobody in control.",
+    )
     # Harder than the stop on a ramp: the drive ramps, then brake and torque off.
     door_reaction: Literal["stop", "quick_stop"] = choice(
         "stop", "What an opened room door does in motion: the jog-release ramp, or a quick stop."

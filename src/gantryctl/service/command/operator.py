@@ -23,6 +23,7 @@ from gantryctl.service.command.inbox import Gone, Inbox, PendingCommand
 from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import Situation
+from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.memory.memory import Source
 from gantryctl.service.protocol.limits import HELD_S, SILENCE_S, key_limits
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
@@ -48,6 +49,7 @@ class ServiceOperator:
         levels: what the program sees.
         ranges: lowest and highest value of every tag that can be set.
         frames: times of issue of the status frames.
+        unheld: how long power has been on without control.
         shutdown: raised to bring the axis to rest and switch off.
     """
 
@@ -70,6 +72,7 @@ class ServiceOperator:
         in_force = round(deg(program.axis.settings.speed.setting_max_rad_s), 9)
         self.ranges = rules.setting_ranges(machine, min(machine.speed.setting_max_deg_s, in_force))
         self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
+        self.unheld = UnheldPower(program.axis, self.authority, machine.monitors.unheld_power_time_s)
         lease_s = machine.monitors.lease_ms * 1e-3
         self.hold, self._keys = HoldToRun(lease_s, machine.control.scan_period_ms * 1e-3), key_limits(lease_s)
         self.frames = FrameClock(now())
@@ -149,6 +152,10 @@ class ServiceOperator:
                 self.program.axis.stop_by(Code.CTL_21, measured=HELD_S, limit=HELD_S)
         if self.authority.silent(now_s) and self.authority.holder is not None:
             self._free(self.authority.holder.client, f"was silent for {SILENCE_S:g} s")
+        if self.unheld.due(now_s, power=self.levels.power):
+            limit_s = self.unheld.limit_s
+            self.events.put("authority", f"power off: nobody had control for {limit_s:g} s", after_s=limit_s)
+            self._set(power=False)
         # Decision 0014: a brake test ends with its epoch. Its starter lost control, or a reset or stop came.
         if self._testing and not self._test_ended and self.authority.epoch != self._test_epoch:
             self.stop()

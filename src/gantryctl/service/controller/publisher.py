@@ -212,6 +212,7 @@ class Publisher:
             "lease_left_ms": operator.hold.left_s(now_s) * 1e3,
             "round_trip_ms": operator.authority.round_trip.shortest_s(now_s) * 1e3,
             "armed_left_s": operator.arming.left_s(operator.authority.epoch, now_s),
+            "unheld_power_left_s": operator.unheld.left_s(now_s),
             "alarm_count": len(axis.alarms.active),
             "refusal_count": axis.refusal_count,
             "feedback_age_ms": engine.image.drive.age_scans * engine.period_s * 1e3,

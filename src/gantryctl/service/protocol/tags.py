@@ -153,6 +153,8 @@ _AUTHORITY: Final = (
     _out("authority_user", "", "text", "on change", "Holder of control; empty without one."),
     _out("authority_client", "", "text", "on change", "Client id of the holder; `welcome.client` is your own."),
     _out("authority_local", "", "bool", "on change", "The holder sits at the local console."),
+    _may("unheld_power_left_s", "s", "float", "20 Hz",
+         "Time at rest until power is switched off because nobody has control; null while that does not count."),
     _set("mode", "", "enum", "operator", "Motion mode; changes at standstill only.", _labels(Mode)),
     _set("speed_setting_deg_s", "deg/s", "float", "operator", "Speed of moves, keys and increments."),
     _set("increment_deg", "deg", "float", "operator", "One increment."),
