@@ -14,12 +14,12 @@ COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here;
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist clean page page-check screenshots soak
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist clean page page-check screenshots site soak
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
-	@echo "make test       lint, types, layers, the core's tests, the built page, the Python tests: what CI runs"
+	@echo "make test       lint, types, layers, the core's tests, the built page, the site, the Python tests: what CI runs"
 	@echo "make soak       hours of the real service with two pages, OPC UA and a stepped clock: HOURS=24, LOG=soak.jsonl"
-	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  dist  clean"
+	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  site  dist  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
 .venv/run.stamp: requirements/run.txt requirements/build.txt
@@ -48,7 +48,7 @@ demo: core
 	.venv/bin/gantryctl accuracy run --ensemble 8 --out demo_report --fresh
 
 # --- checks -----------------------------------------------------------------------------------------------------------
-test: setup lint types layers test-core page-check pytest
+test: setup lint types layers test-core page-check site pytest
 
 pytest: setup $(NODE_OPCUA)
 	.venv/bin/python -m pytest -n 3 --dist worksteal
@@ -124,6 +124,10 @@ page-check: hmi/node_modules/.package-lock.json
 	diff -r build/page src/gantryctl/gateway/page
 	cd hmi && npm run --silent build-report -- --outDir ../build/report
 	diff -r build/report src/gantryctl/engineering/report/viewer
+
+# The documentation as a site, in build/site; docs/site says how.
+site: .venv/dev.stamp
+	.venv/bin/python tools/build_site.py
 
 screenshots: setup
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi

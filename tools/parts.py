@@ -36,12 +36,14 @@ INSIDE = ("nanobind", ROBIN_MAP, "clsx", "svelte", "uplot")
 
 # Licences read by a person in the packages' own files, where what they say of themselves is not an SPDX expression.
 READ = {
+    "alabaster": "BSD-3-Clause",
     "apsw": "any-OSI",
     "asyncua": "LGPL-3.0-or-later",
     "cmake": "BSD-3-Clause AND Apache-2.0",
     "contourpy": "BSD-3-Clause",
     "cycler": "BSD-3-Clause",
     "defusedxml": "PSF-2.0",
+    "docutils": "LicenseRef-Public-Domain AND BSD-2-Clause",  # its COPYING; the GPL part is for Emacs
     "grimp": "BSD-2-Clause",
     "import-linter": "BSD-2-Clause",
     "ipython-pygments-lexers": "BSD-3-Clause",
@@ -55,6 +57,13 @@ READ = {
     "prompt-toolkit": "BSD-3-Clause",
     "ptyprocess": "ISC",
     "scipy": "BSD-3-Clause",
+    **dict.fromkeys(
+        (
+            f"sphinxcontrib-{name}"
+            for name in ("applehelp", "devhelp", "htmlhelp", "jsmath", "qthelp", "serializinghtml")
+        ),
+        "BSD-2-Clause",
+    ),
     "traitlets": "BSD-3-Clause",
     "wrapt": "BSD-2-Clause",
     "zict": "BSD-3-Clause",
