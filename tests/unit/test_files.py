@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import errno
+import gc
+import json
+import math
 import os
 import stat
 import time
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gantryctl.errors import StateError
-from gantryctl.files import DRAFT_S, remove_drafts, write_whole
+from gantryctl.files import DRAFT_S, indented_json, remove_drafts, write_whole
 
 
 def test_text_and_bytes_replace_what_was_there_and_leave_nothing_beside_it(tmp_path: Path) -> None:
@@ -78,3 +83,32 @@ def test_a_folder_that_is_a_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("x")
     with pytest.raises(StateError, match=r"state/record: cannot be written"):
         write_whole(tmp_path / "state" / "record", "x", make_folder=True)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner) | st.tuples(inner, inner),
+    max_leaves=20,
+)
+
+
+@given(JSON)
+def test_json_has_the_text_of_the_standard_library(value: object) -> None:
+    """Check sums are of the text: files of the state that were written before are read."""
+    assert indented_json(value) == json.dumps(value, indent=1)
+
+
+def test_json_leaves_nothing_to_collect_and_refuses_what_is_none() -> None:
+    gc.collect()
+    gc.disable()
+    try:
+        indented_json({"a": [{}, [], (1.5, None)]})
+        assert gc.collect() == 0
+        json.dumps({}, indent=1)
+        assert gc.collect() > 0, "the standard library has no cycles any more: use it"
+    finally:
+        gc.enable()
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        indented_json([math.nan], allow_nan=False)
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        indented_json({"a": b""})

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from gantryctl.errors import StateError, UsageError
-from gantryctl.files import remove_drafts, write_whole
+from gantryctl.files import indented_json, remove_drafts, write_whole
 from gantryctl.machine import Machine, identity_hash
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
 from gantryctl.trace.naming import oldest_first
@@ -218,13 +218,13 @@ class StateStore:
         """Keep the simulated plant, as `store_retained`."""
         self._lock.check()
         # Python writes the shortest decimal that reads back as the same float: the state survives bit for bit.
-        text = json.dumps({"plant": self._plant_hash, "state": state}, allow_nan=False, indent=1)
+        text = indented_json({"plant": self._plant_hash, "state": state}, allow_nan=False)
         write_whole(self.directory / _PLANT_FILE, text, private=True)
 
     def store_bus(self, lines: Sequence[str]) -> None:
         """Keep what a run has counted on the bus, as `store_retained`."""
         self._lock.check()
-        text = json.dumps({"ended": now_text(), "lines": list(lines)}, indent=1)
+        text = indented_json({"ended": now_text(), "lines": list(lines)})
         write_whole(self.directory / _BUS_FILE, text, private=True)
 
     def forget(self) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import StateError
-from gantryctl.files import write_whole
+from gantryctl.files import indented_json, write_whole
 from gantryctl.runtime.retained import Retained, from_json_values, to_json_values
 
 COPIES: Final = ("retain.a.json", "retain.b.json")
@@ -47,7 +47,7 @@ def decode(data: bytes) -> tuple[int, Retained]:
 
 
 def _text(values: object) -> bytes:
-    return (json.dumps(values, indent=1) + "\n").encode()
+    return (indented_json(values) + "\n").encode()
 
 
 def _crc(body: object) -> str:

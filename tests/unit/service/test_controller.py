@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import threading
@@ -530,3 +531,65 @@ def test_a_machine_file_that_has_changed_since_the_start_starts_no_controller(
     with pytest.raises(ConfigError, match="has changed since the service was started"):
         process.main([str(memory.handle), str(config), before, str(tmp_path)])
     memory.close()
+
+
+# --- hours of service -------------------------------------------------------------------------------
+
+
+def a_day(desk: Desk) -> None:
+    """Everything that people do, and what goes wrong, with writes of the state in their threads."""
+    assert desk.ask("take", SERVICE, over=True) == ""
+    for refused in ({"tag": "nothing"}, {"tag": "increment_deg", "value": "1"}, {"tag": "increment_deg"}):
+        assert desk.ask("set", SERVICE, **refused) == "SEC-05"
+    assert desk.ask("take", ALICE, over=True) == ""
+    assert desk.ask("power", on=True) == ""
+    desk.scans(3000)
+    assert desk.ask("move", target_deg=500.0) != ""
+    assert desk.ask("move", target_deg=1.0 if desk.axis.pos_act_rad < 0.0 else -1.0) == ""
+    desk.scans(500)
+    assert desk.ask("stop") == ""
+    desk.scans(1500)
+    assert desk.ask("mode", mode="continuous") == ""
+    assert desk.ask("jog", lease=f"{desk.seq:016x}", direction="forward") == ""
+    desk.scans(800)  # the lease runs out
+    assert desk.ask("quick_stop") == ""
+    assert desk.ask("power", on=False) == ""
+    desk.scans(1000)
+    desk.engine.system_stop = LATE
+    desk.scans(10)
+    assert desk.ask("reset") == ""
+    desk.controller.retainer.join()
+    assert not desk.controller.retainer.faults
+    for ring in desk.memory.events:
+        ring.clear()
+    desk.memory.rows.clear()
+
+
+def test_a_day_leaves_nothing_that_only_a_garbage_collector_would_free() -> None:
+    """The process of the scan has none: objects that refer to each other were 1 MB an hour once."""
+    with opened() as desk:
+        controller = desk.controller
+        publisher = Publisher(
+            MACHINE, desk.engine, desk.operator, controller.alarms, controller.brake, controller._recorder,
+            desk.memory, real_time=False, version="test",
+        )  # fmt: skip
+        after = desk.after
+
+        def with_publisher(engine: Engine) -> bool:
+            publisher.scan()
+            return after(engine)
+
+        desk.after = with_publisher  # type: ignore[method-assign]
+        a_day(desk)
+        gc.collect()
+        gc.disable()
+        try:
+            a_day(desk)
+            gc.set_debug(gc.DEBUG_SAVEALL)
+            gc.collect()
+            left = [repr(each)[:200] for each in gc.garbage]
+        finally:
+            gc.set_debug(0)
+            gc.garbage.clear()
+            gc.enable()
+        assert not left

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.errors import StateError
-from gantryctl.files import write_whole
+from gantryctl.files import indented_json, write_whole
 from gantryctl.machine import Machine
 
 
@@ -48,7 +48,7 @@ def store_facts(path: Path, facts: DriveFacts) -> None:
         "serial": facts.serial,
         "software": facts.software,
     }
-    text = json.dumps({**plate, "objects": objects}, indent=1) + "\n"
+    text = indented_json({**plate, "objects": objects}) + "\n"
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_whole(path, text)
 
