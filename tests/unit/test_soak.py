@@ -51,7 +51,7 @@ def good_log(leak_mb_h: float = 0.0, minutes: int = 122) -> Log:
         log.append(
             {
                 "kind": "minute", "t_s": 60.0 * n, "processes": {name: at for at, name in enumerate(NAMES)},
-                "own_kb": own_kb, "page_kb": 4000, "opcua": 1000 * n, "gestures": 5 * n, "unasked": 0,
+                "own_kb": own_kb, "handles": dict.fromkeys(NAMES, 13 + n % 3), "page_kb": 4000, "opcua": 1000 * n, "gestures": 5 * n, "unasked": 0,
                 "rows_lost": 0, "events_lost": 0,
             }
         )  # fmt: skip
@@ -139,6 +139,13 @@ def test_what_is_planted_is_found_and_nothing_else(lie: str) -> None:
 def test_a_leak_is_told_from_noise() -> None:
     assert failed(good_log(leak_mb_h=0.2)) == []
     assert failed(good_log(leak_mb_h=3.0)) == ["memory: recorder", "memory: all processes"]
+
+
+def test_a_handle_that_is_kept_with_every_power_up_fails() -> None:
+    log = good_log()
+    for n, line in enumerate(line for line in log if line["kind"] == "minute"):
+        line["handles"]["recorder"] += n // 30
+    assert failed(log) == ["handles: recorder"]
 
 
 def test_a_slope_whose_interval_reaches_the_limit_is_not_passed() -> None:

@@ -16,7 +16,9 @@ WARM_UP_S = 1800.0
 """Caches, pools and the first files: not judged. A shorter run leaves out its first quarter."""
 BLOCK_S = 600.0
 """The least memory of each ten minutes is judged: what pools of buffers hold now and then is no leak. The recorder's
-goes up and down by 15 MB with every file that it closes (mimalloc, in threads that end)."""
+goes up by some MB with every file that it closes."""
+HANDLES_MORE = 2
+"""A page more or less, at the least moment of ten minutes."""
 BLOCKS_LEAST = 6
 """A slope over less than an hour says nothing of an hour."""
 NORMAL_95 = 1.96
@@ -119,7 +121,7 @@ def judge(log: Sequence[Line]) -> list[Finding]:
     if len(minutes) < 2:
         return [Finding("run", None, "less than two minutes are in the log")]
     end = ends[-1] if ends else None
-    return [*_memory(minutes), *_motion(log, minutes), *_kept(minutes, end), *_clock(log, end)]
+    return [*_memory(minutes), *_handles(minutes), *_motion(log, minutes), *_kept(minutes, end), *_clock(log, end)]
 
 
 def floor_of(time_s: Sequence[float], values: Sequence[float]) -> tuple[list[float], list[float]]:
@@ -152,6 +154,16 @@ def _memory(minutes: Sequence[Line]) -> list[Finding]:
         holds = slope.high < SLOPE_MAX_MB_H or (None if slope.value < SLOPE_MAX_MB_H else False)
         why = f"{slope}; {min(values):.1f} to {max(values):.1f} MB, {len(least)} blocks"
         found.append(Finding(f"memory: {name}", holds, why))
+    return found
+
+
+def _handles(minutes: Sequence[Line]) -> list[Finding]:
+    """Open files, sockets and mapped files: least number of the last whole ten minutes against the first ones."""
+    found = []
+    for name in minutes[0]["handles"]:
+        _, least = floor_of([line["t_s"] for line in minutes], [line["handles"][name] for line in minutes])
+        holds = None if len(least) < BLOCKS_LEAST else bool(least[-1] <= least[0] + HANDLES_MORE)
+        found.append(Finding(f"handles: {name}", holds, f"{' '.join(f'{each:g}' for each in least)}"))
     return found
 
 

@@ -99,15 +99,18 @@ class Processes:
     def sample(self) -> dict[str, Any]:
         """Memory, processor time and handles of each.
 
-        `own_kb` is what is resident or swapped out without the service's shared memory, which has one size from its
-        start and is mapped as it is touched; `pss_kb` shares out what several processes use.
+        `own_kb` is what is resident or swapped out and of no file: only the process itself can give it back. Not in it
+        are the service's shared memory, which has one size from its start and is mapped as it is touched, and pages of
+        files (`file_kb`): libraries, of which the system drops and reads again what it likes, and a recording of up to
+        64 MB while it is closed. A file that is kept mapped keeps its handle. `pss_kb` shares out what several processes
+        use.
         """
         ids = self.ids()
         state = {name: _numbers(Path(f"/proc/{pid}/status")) for name, pid in ids.items()}
-        parts = ("RssAnon", "RssFile", "VmSwap")
         return {
             "processes": ids,
-            "own_kb": {name: sum(each[part] for part in parts) for name, each in state.items()},
+            "own_kb": {name: each["RssAnon"] + each["VmSwap"] for name, each in state.items()},
+            "file_kb": {name: each["RssFile"] for name, each in state.items()},
             "pss_kb": {name: _numbers(Path(f"/proc/{pid}/smaps_rollup"))["Pss"] for name, pid in ids.items()},
             "shared_kb": {name: each["RssShmem"] for name, each in state.items()},
             "cpu_s": {name: _processor_s(pid) for name, pid in ids.items()},

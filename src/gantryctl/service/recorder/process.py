@@ -27,6 +27,7 @@ from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.frame_writer import FrameWriter
+from gantryctl.service.recorder.freed_memory import keep_no_pool
 from gantryctl.service.recorder.journal.writer import Batch, Journal, JournalFault
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.run_record import RunFile, RunKeeper
@@ -264,6 +265,7 @@ def main(arguments: list[str]) -> int:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: ending.set())
     die_with_parent(memory.words[Word.SUPERVISOR])
+    keep_no_pool()
 
     run_file = RunFile(directory)
     while not run_file.hold():

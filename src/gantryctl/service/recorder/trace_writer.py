@@ -18,6 +18,7 @@ from typing import Any, Final
 from gantryctl.errors import DeviceError, GantryctlError
 from gantryctl.runtime.recorder import FLUSH_ROWS, ArrowRecorder
 from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.recorder.freed_memory import give_back
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy
 from gantryctl.service.recorder.row_filter import RowFilter
 from gantryctl.trace.columns import SPACING_COLUMN
@@ -278,6 +279,7 @@ class _Closing:
                     if live not in self._told:
                         self._told.add(live)
                         _say(fault)
+            give_back()
 
         self._threads = [thread for thread in self._threads if thread.is_alive()]
         self._threads.append(threading.Thread(target=close_all, name="closing"))
