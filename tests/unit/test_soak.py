@@ -51,7 +51,8 @@ def good_log(leak_mb_h: float = 0.0, minutes: int = 122) -> Log:
         log.append(
             {
                 "kind": "minute", "t_s": 60.0 * n, "processes": {name: at for at, name in enumerate(NAMES)},
-                "own_kb": own_kb, "handles": dict.fromkeys(NAMES, 13 + n % 3), "page_kb": 4000, "opcua": 1000 * n, "gestures": 5 * n, "unasked": 0,
+                "own_kb": own_kb, "handles": dict.fromkeys(NAMES, 13 + n % 3),
+                "page_kb": 4000, "opcua": 1000 * n, "gestures": 5 * n, "unasked": 0,
                 "rows_lost": 0, "events_lost": 0,
             }
         )  # fmt: skip

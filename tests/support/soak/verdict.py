@@ -121,7 +121,13 @@ def judge(log: Sequence[Line]) -> list[Finding]:
     if len(minutes) < 2:
         return [Finding("run", None, "less than two minutes are in the log")]
     end = ends[-1] if ends else None
-    return [*_memory(minutes), *_handles(minutes), *_motion(log, minutes), *_kept(minutes, end), *_clock(log, end)]
+    return [
+        *_memory(minutes),
+        *_handles(minutes),
+        *_motion(log, minutes),
+        *_kept(minutes, end),
+        *_clock(log, end),
+    ]
 
 
 def floor_of(time_s: Sequence[float], values: Sequence[float]) -> tuple[list[float], list[float]]:

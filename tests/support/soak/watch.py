@@ -6,7 +6,8 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -101,9 +102,10 @@ class Processes:
 
         `own_kb` is what is resident or swapped out and of no file: only the process itself can give it back. Not in it
         are the service's shared memory, which has one size from its start and is mapped as it is touched, and pages of
-        files (`file_kb`): libraries, of which the system drops and reads again what it likes, and a recording of up to
-        64 MB while it is closed. A file that is kept mapped keeps its handle. `pss_kb` shares out what several processes
-        use.
+        files (`file_kb`): libraries, of which the system drops and reads again what it likes, and a recording of up
+        to 64 MB while it is closed. A file that is kept mapped keeps its handle. `pss_kb` shares out what several
+        processes use. `waited_s` is for how long their threads were ready to run and had no processor, those of
+        the browser with what drives it, too: what was short of time when a key was lost.
         """
         ids = self.ids()
         state = {name: _numbers(Path(f"/proc/{pid}/status")) for name, pid in ids.items()}
@@ -114,6 +116,8 @@ class Processes:
             "pss_kb": {name: _numbers(Path(f"/proc/{pid}/smaps_rollup"))["Pss"] for name, pid in ids.items()},
             "shared_kb": {name: each["RssShmem"] for name, each in state.items()},
             "cpu_s": {name: _processor_s(pid) for name, pid in ids.items()},
+            "waited_s": {name: _waited_s([pid]) for name, pid in ids.items()}
+            | {"browser": _waited_s(_descendants(os.getpid(), self._service.process.pid))},
             "handles": {name: len(os.listdir(f"/proc/{pid}/fd")) for name, pid in ids.items()},
             "threads": {name: each["Threads"] for name, each in state.items()},
         }
@@ -132,6 +136,26 @@ def _numbers(path: Path) -> dict[str, int]:
 def _processor_s(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _waited_s(pids: Iterable[int]) -> float:
+    """Time for which the threads of processes, as far as they live, were ready to run and did not."""
+    waited_ns = 0
+    for pid in pids:
+        for thread in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+            with suppress(OSError):  # it has ended
+                waited_ns += int(thread.read_text(encoding="ascii").split()[1])
+    return round(waited_ns * 1e-9, 3)
+
+
+def _descendants(pid: int, without: int) -> Iterator[int]:
+    """The processes below a process, without one and those below it."""
+    for thread in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            for child in map(int, thread.read_text(encoding="ascii").split()):
+                if child != without:
+                    yield child
+                    yield from _descendants(child, without)
 
 
 class Files:
