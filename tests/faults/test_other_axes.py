@@ -20,6 +20,7 @@ from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.program.alarms.codes import Code
+from gantryctl.wiring import program
 from support.fault_rows import seen_by
 from support.oracle.limits import bounds_of
 from support.oracle.taps import Oracle
@@ -115,6 +116,16 @@ def test_a_limit_that_a_weak_brake_cannot_keep_is_told(oracle: Oracle) -> None:
     result = run_fault(fault_case("D1"), machine=weak)
     assert result.way_deg > limit_deg(machine, ReactionClass.TORQUE_OFF, machine.speed.setting_max_deg_s)
     assert oracle.caught("INV-1")
+
+
+def test_what_counts_as_rest_goes_with_the_axis(oracle: Oracle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The liar: a yaw drive judged by the rest of the gantry, a twenty-fifth of its highest speed, turns on."""
+    machine = axis_of("draft of wind_turbine_yaw")
+    assert against(machine, "C5", oracle) == []
+    monkeypatch.setattr(program, "rest_speed_deg_s", lambda machine: 0.02)
+    (wrong,) = against(machine, "C5", oracle)
+    assert "INV-7" in wrong
+    assert "at rest after" in wrong
 
 
 @pytest.mark.slow

@@ -238,7 +238,7 @@ RULES: Final[dict[type, Rules]] = {
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
         "_change_any _change_per_torque "
         "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
-        "_jump_per_speed _old_scans _period_s _ratio read_rad",
+        "_jump_per_speed _old_scans _period_s _ratio _rest_rad_s read_rad",
         special={
             "_late_scan": _since("_late_scan"),
             "_speed_scan": _since("_speed_scan"),
@@ -276,7 +276,7 @@ RULES: Final[dict[type, Rules]] = {
         same="_unwinding",
         count="_doubted_moving",
         special={"_from_rad": _held},
-        fixed="_alarms _feedback _period_s _rest _rest_scans _sag_max_rad",
+        fixed="_alarms _feedback _period_s _rest_scans _sag_max_rad",
     ),
     RampWatch: Rules(
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.QUICK_STOPPING,

@@ -92,9 +92,9 @@ class Feedback:
         "_complains", "_counts_per_rad", "_deviation_ms", "_doubtful", "_drift", "_drift_keep", "_drift_max",
         "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
         "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
-        "_ratio", "_rest", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step", "_vel_before", "_vel_max",
-        "_was_energised", "age", "brake_contact", "brake_open", "counts", "encoder_alarm", "error_code",
-        "in_doubt", "inputs", "motor_temp_c", "overload", "periods", "pos_ring_rad", "read_rad", "state",
+        "_ratio", "_rest", "_rest_rad_s", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step",
+        "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact", "brake_open", "counts", "encoder_alarm",
+        "error_code", "in_doubt", "inputs", "motor_temp_c", "overload", "periods", "pos_ring_rad", "read_rad", "state",
         "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
@@ -104,6 +104,7 @@ class Feedback:
         self._error_texts = settings.error_texts
         self.read_rad = settings.travel.read_rad
         self._period_s = period_s
+        self._rest_rad_s = settings.speed.rest_rad_s
         self._ratio = law.ratio
         self._counts_per_rad = law.counts_per_turn * law.ratio / (2.0 * math.pi)
         self._jump_per_speed = period_s * self._counts_per_rad
@@ -253,6 +254,11 @@ class Feedback:
         if not self.position_valid:
             return Words.AT_UNKNOWN
         return Words.AT_SPEED(value=deg(self.read_rad(pos_rad)), speed=deg(self.vel_rad_s))
+
+    @property
+    def slow(self) -> bool:
+        """The speed of this scan is that of an axis at rest; False for NaN."""
+        return -self._rest_rad_s < self.vel_rad_s < self._rest_rad_s
 
     @property
     def speed_known(self) -> bool:

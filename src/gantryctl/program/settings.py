@@ -91,6 +91,7 @@ class SpeedSettings:
         creep_rad_s: slow enough to count as standing for a new reference.
         without_enabling_switch_rad_s: highest speed by hand, or from a remote screen, without the enabling switch.
         brake_overdue_rad_s: highest speed while the brake test is overdue.
+        rest_rad_s: slower is at rest, on the motor side: after a stop the load swings on by up to 0.53 deg/s.
     """
 
     # Ramps, short moves and override pass below the lowest setting; creep of service is a setting beside them.
@@ -103,6 +104,7 @@ class SpeedSettings:
     # On the reference plant a quick stop with 60 ms of reaction takes 0.16 deg from 1 deg/s and 3.75 deg from 6 deg/s.
     without_enabling_switch_rad_s: float = 1.0 * _DEG
     brake_overdue_rad_s: float = 1.0 * _DEG
+    rest_rad_s: float = 0.02 * _DEG
 
 
 @dataclass(frozen=True, slots=True)

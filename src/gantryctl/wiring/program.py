@@ -81,6 +81,9 @@ def axis_settings(
     )
 
 
+_REST_DEG_S: Final = 0.02
+_REST_PARTS: Final = 300.0
+_REST_STEPS: Final = 2.0
 # A reading of two scans ago, the scan that judges it, and one until its command acts.
 _NO_GO_SCANS: Final = 4
 
@@ -130,7 +133,43 @@ def speed_settings(machine: Machine, speed_max_deg_s: float = math.inf) -> Speed
         command_clamp_rad_s=rad(speed.command_clamp_deg_s),
         overspeed_trip_rad_s=rad(speed.overspeed_trip_deg_s),
         creep_rad_s=rad(speed.creep_deg_s),
+        rest_rad_s=rad(rest_speed_deg_s(machine)),
     )
+
+
+def rest_speed_deg_s(machine: Machine) -> float:
+    """Speed below which the axis counts as at rest, on the motor side, deg/s at the gantry.
+
+    0.02 deg/s, where that is little beside the speeds of the axis: at most a 300th of the highest setting, and half
+    of the lowest. But never less than two steps of the speed reading: a shaft that stands between two counts is read
+    as one step either way. A reading so coarse that this is much of the highest setting is refused before the axis
+    moves (`engineering.stops.check_quick_stop`).
+    """
+    speed = machine.speed
+    slow = min(_REST_DEG_S, speed.setting_max_deg_s / _REST_PARTS, 0.5 * speed.setting_min_deg_s)
+    return max(_REST_STEPS * speed_step_deg_s(machine), slow)
+
+
+def speed_step_deg_s(machine: Machine) -> float:
+    """Smallest speed but 0 that is read, deg/s at the gantry; 0 for an ideal drive.
+
+    One count of the speed loop in its cycle. On a bus at least one unit of 606C, and, where the drive has none, one
+    increment of 6064 in a scan.
+    """
+    if machine.drive.kind == "ideal":
+        return 0.0
+    cycle_s = machine.drive.speed_loop.cycle_us * 1e-6
+    turn_s = 1.0 / (machine.speed_counts_per_turn * cycle_s)
+    if machine.on_bus:
+        from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+
+        can = machine.can
+        # The drive says at its set-up which profile it has: until then the coarsest unit.
+        unit = VELOCITY_UNITS["r/min" if can.velocity_unit == "profile" else can.velocity_unit]
+        per_turn_s = unit.per_turn_s or unit.per_increment_s * can.increments_per_turn
+        scan_s = machine.control.scan_period_ms * _MS
+        turn_s = max(turn_s, 1.0 / per_turn_s, 1.0 / (can.increments_per_turn * scan_s))
+    return 360.0 * turn_s / machine.axis.ratio
 
 
 def _ramps(machine: Machine, quick_dec_deg_s2: float | None) -> RampSettings:

@@ -136,12 +136,10 @@ def _base(p: _core.PlantParams, plant: PlantTable) -> None:
 
 def drive_params(machine: Machine) -> _core.DriveParams:
     """Parameters of the simulated drive: speed PI, torque limit, encoder evaluation, brake times."""
-    loop, motor, encoder = machine.drive.speed_loop, machine.motor, machine.encoder
+    loop, motor = machine.drive.speed_loop, machine.motor
     ratio = machine.axis.ratio
-    fine = 2.0 * math.pi / machine.encoder.fine_counts_per_turn
-    coarse = 2.0 * math.pi / encoder.counts_per_turn
     # The speed loop sees the true angle, the interpolated sine (2048 lines x 2048), or the absolute steps (S6).
-    count = {"ideal": 0.0, "interpolated": fine, "counts": coarse}[loop.feedback]
+    count = 2.0 * math.pi / machine.speed_counts_per_turn
     p = _core.DriveParams()
     p.cycle_s = loop.cycle_us * 1e-6
     p.kvp_nm_s_per_rad = loop.kvp_nm_s_per_rad

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.report.last_stop import last_stop, moment_of
+from gantryctl.machine import default_machine
 from gantryctl.runtime import AlarmEntry
 from gantryctl.trace.reader import read_trace
 from support.command_line import cli, done, machine_file
@@ -104,4 +105,4 @@ def test_a_recording_without_that_alarm_is_not_shown_for_it() -> None:
     """The liar: a run that has the time of the alarm, and nothing happened in it."""
     done("move", "1")
     folder = next(Path().absolute().parent.rglob("traces"))
-    assert moment_of(alarm("CTL-03", 1.0, at="2099-01-01T00:00:00Z"), folder) is None
+    assert moment_of(default_machine(), alarm("CTL-03", 1.0, at="2099-01-01T00:00:00Z"), folder) is None

@@ -291,6 +291,8 @@ ROWS: dict[str, Row] = {
     "drive.speed_loop.feedback": {
         "drive.speed_count_rad": lambda _: TWO_PI / 8192.0,
         "drive.position_count_rad": lambda _: TWO_PI / 8192.0,
+        # Two counts in a drive cycle of 125 us, at the gantry.
+        "program.speed.rest_rad_s": lambda m: 2.0 * TWO_PI / 8192.0 / 125e-6 / m.axis.ratio,
     },
     "drive.speed_loop.overload_time_s": {"drive.overload_time_s": 1.0},
     "drive.current_loop.bandwidth_hz": {"plant.current_bandwidth_rad_s": TWO_PI},

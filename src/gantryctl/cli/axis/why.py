@@ -57,7 +57,7 @@ def why(config_file: Path | None, out: Path | None, as_json: bool, service: bool
             click.echo(f"{machine.name}: no alarm has stopped the axis")
         return 0
     directory = state_root() / machine.name
-    moment = moment_of(stop.first, directory / "traces")
+    moment = moment_of(machine, stop.first, directory / "traces")
     asked = _asked_for(directory, stop.first)
     lines = [*sentences(machine, stop, moment)]
     if asked is not None:

@@ -19,9 +19,8 @@ from gantryctl.trace.naming import begun_at, oldest_first
 from gantryctl.trace.reader import read_trace
 from gantryctl.trace.table import Trace
 from gantryctl.units import deg
+from gantryctl.wiring.program import rest_speed_deg_s
 
-# Slower than this the motor side stands (program.power.rest).
-_REST_DEG_S: Final = 0.02
 # What is shown before the alarm; after it, to rest and so much more.
 BEFORE_S: Final = 5.0
 AFTER_S: Final = 2.0
@@ -99,12 +98,12 @@ def _stopped(alarm: AlarmEntry) -> bool:
     return severity == Severity.STOP.value and not alarm.follows
 
 
-def moment_of(stop: AlarmEntry, folder: Path) -> Moment | None:
+def moment_of(machine: Machine, stop: AlarmEntry, folder: Path) -> Moment | None:
     """What the recordings of a folder show of a stop; None where none of them has it.
 
     It is the newest one that was begun before the alarm, has its time, and counts one alarm more from that scan on.
     """
-    at = _time(stop.at)
+    at, rest_deg_s = _time(stop.at), rest_speed_deg_s(machine)
     files = oldest_first([*folder.glob("*.parquet"), *folder.glob("*.arrows")])
     for file in reversed(files):
         begun = begun_at(file)
@@ -117,7 +116,7 @@ def moment_of(stop: AlarmEntry, folder: Path) -> Moment | None:
             continue
         row = _row_of(trace, stop.time_s)
         if row is not None:
-            return _moment(trace, row, file, doubted=stop.pos_act_rad is None)
+            return _moment(trace, row, file, rest_deg_s, doubted=stop.pos_act_rad is None)
     return None
 
 
@@ -140,9 +139,9 @@ def _row_of(trace: Trace, time_s: float) -> int | None:
     return row if came else None
 
 
-def _moment(trace: Trace, row: int, file: Path, *, doubted: bool) -> Moment:
+def _moment(trace: Trace, row: int, file: Path, rest_deg_s: float, *, doubted: bool) -> Moment:
     time_s, speed = trace.time_s, np.abs(deg(1.0) * trace["vel_act_rad_s"])
-    moving = np.flatnonzero(speed[row:] > _REST_DEG_S)
+    moving = np.flatnonzero(speed[row:] > rest_deg_s)
     rest = row + int(moving[-1]) + 1 if len(moving) else row
     known = (
         not doubted

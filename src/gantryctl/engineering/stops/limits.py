@@ -20,10 +20,13 @@ from gantryctl.engineering.stops.run import (
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
+from gantryctl.wiring.program import rest_speed_deg_s, speed_step_deg_s
 
 # Steps of the search, of the power of ten below the configured value: 0.1 deg/s2 for 5.4.
 _RESOLUTION: Final = 0.1
 _FEWEST_STEPS, _MOST_STEPS = 2, 400
+# What counts as rest, as part of the highest setting: no faster than the slowest creep that a draft gives.
+_REST_SHARE_MAX: Final = 1.0 / 60.0
 
 
 def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) -> StopResult:
@@ -87,7 +90,8 @@ def check_quick_stop(machine: Machine) -> StopResult:
     A machine that has been checked is not simulated again.
 
     Raises:
-        ConfigError: the deceleration cannot be given, or the stopping angle is above the permitted one.
+        ConfigError: the deceleration cannot be given, the stopping angle is above the permitted one, or the speed
+            is read too coarsely for the end of a stop to be known.
     """
     speed = machine.speed.setting_max_deg_s
     dec = machine.virtual_axis.quick_dec_deg_s2
@@ -116,6 +120,24 @@ def check_quick_stop(machine: Machine) -> StopResult:
             f"reaction, [required] stopping_angle_deg = {machine.required.stopping_angle_deg:g} deg; stop harder, "
             "go slower or permit more"
         )
+    problems += unknown_rest(machine)
     if problems:
         raise ConfigError(problems)
     return stop
+
+
+def unknown_rest(machine: Machine) -> list[str]:
+    """What is wrong where an axis that still turns cannot be told from one at rest."""
+    speed, rest = machine.speed.setting_max_deg_s, rest_speed_deg_s(machine)
+    if rest <= _REST_SHARE_MAX * speed:
+        return []
+    finer = (
+        "[can] velocity_unit, increments_per_turn or [control] scan_period_ms"
+        if machine.on_bus
+        else "[drive.speed_loop] feedback or the [encoder]"
+    )
+    return [
+        f"{machine.machine.name}: the speed is read in steps of {speed_step_deg_s(machine):.3g} deg/s, so below "
+        f"{rest:.3g} deg/s the axis counts as at rest: more than a 60th of [speed] setting_max_deg_s = {speed:g} "
+        f"deg/s, and the end of a stop would not be known; choose finer {finer}"
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Self
@@ -75,6 +76,13 @@ class Machine(Table):
     def counts_per_turn(self) -> int:
         """Counts per motor turn that the controller reads: on a bus, increments of the drive."""
         return self.can.increments_per_turn if self.on_bus else self.encoder.fine_counts_per_turn
+
+    @property
+    def speed_counts_per_turn(self) -> float:
+        """Counts per motor turn that the speed loop makes its speed of; infinite where it reads the true angle."""
+        encoder = self.encoder
+        counts = {"interpolated": encoder.fine_counts_per_turn, "counts": encoder.counts_per_turn}
+        return counts.get(self.drive.speed_loop.feedback, math.inf)
 
     @property
     def on_bus(self) -> bool:

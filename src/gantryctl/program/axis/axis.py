@@ -26,7 +26,6 @@ from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.power.phases import PowerPhase, Proof
-from gantryctl.program.power.rest import REST_RAD_S
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
@@ -211,8 +210,7 @@ class Axis:
         # A plain tuple: the state table is entered only when one of its inputs has changed.
         if events != self._events or not self._settled:
             self._decide(AxisEvents(*events))
-        vel = self.feedback.vel_rad_s
-        at_rest = virtual.at_rest and -REST_RAD_S < vel < REST_RAD_S and self.feedback.speed_known
+        at_rest = virtual.at_rest and self.feedback.slow and self.feedback.speed_known
         return new_image(
             OutputImage,
             power.request,

@@ -11,7 +11,6 @@ from gantryctl.errors import UsageError
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.blocks.base import Block
 from gantryctl.program.blocks.touch_probe import between
-from gantryctl.program.power.rest import REST_RAD_S
 
 
 class CamDirection(IntEnum):
@@ -107,7 +106,7 @@ class DigitalCamSwitch(Block):
             else (axis.pos_act_rad, axis.feedback.vel_rad_s)
         )
         # The reading of a drive at rest is noise of either sign.
-        if abs(vel) > REST_RAD_S:
+        if abs(vel) > axis.settings.speed.rest_rad_s:
             self._positive = vel > 0.0
         outputs = []
         for on, until_s, cams in zip(self._on, self._until_s, self._tracks, strict=True):

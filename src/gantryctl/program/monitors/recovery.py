@@ -11,7 +11,6 @@ from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
 from gantryctl.program.power.phases import TORQUE_ON, PowerPhase
-from gantryctl.program.power.rest import REST_RAD_S
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -58,7 +57,7 @@ class StopRecord:
             self._switching_on = self._switching_on and feedback.state is DriveState.SWITCHED_ON
             if not (feedback.energised or self._switching_on):
                 self._torque_scan = scan
-        turning = not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S
+        turning = not feedback.slow
         self._turning_rad_s = feedback.vel_rad_s if turning and feedback.speed_known else 0.0
         self._turned = self._turned or bool(self._turning_rad_s)
         if not feedback.speed_known or turning:

@@ -6,10 +6,7 @@ from typing import Final
 
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import rad
 
-# Slower than this is at rest, on the motor side: after a stop the load swings on by up to 0.53 deg/s.
-REST_RAD_S: Final = rad(0.02)
 REST_S: Final = 0.050
 # A brake may catch the shaft for some 60 ms while the load swings on at 2 deg/s and then pulls it through the brake:
 # 0.14 deg from 3 deg/s. So a stop by the brake is over after more than half a period of the first mode, near 2 Hz.
@@ -33,14 +30,9 @@ class RestWatch:
 
     def scan(self) -> bool:
         """Take one scan; whether the axis has been slow for long enough to be at rest."""
-        slow = self.slow and self._feedback.speed_known
+        slow = self._feedback.slow and self._feedback.speed_known
         self._scans = self._feedback.lasting(self._scans) if slow else 0
         return self._scans >= self._rest_scans
-
-    @property
-    def slow(self) -> bool:
-        """The speed of this scan is that of an axis at rest; False for NaN."""
-        return -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S
 
     @property
     def after_brake_stop(self) -> bool:

@@ -107,7 +107,7 @@ class PowerSequence:
         self.holding = HoldingTorque(settings)
         self._torque_proof = TorqueProof(settings, feedback, alarms, self.holding)
         self._rest = RestWatch(settings, feedback)
-        self._slip = SlipWatch(settings, feedback, alarms, self._rest)
+        self._slip = SlipWatch(settings, feedback, alarms)
         self._ramp = RampWatch(settings, feedback, alarms)
         self._hold_watch = HoldWatch(settings, feedback, alarms)
         self.brake_test = BrakeTest(
@@ -354,7 +354,7 @@ class PowerSequence:
             self._drive_owns_brake
             and self.request is DriveRequest.QUICK_STOP
             and feedback.state is DriveState.SWITCH_ON_DISABLED
-            and self._rest.slow
+            and feedback.slow
         )
 
     def _unload(self) -> None:

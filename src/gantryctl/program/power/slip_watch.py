@@ -7,7 +7,7 @@ from typing import Final
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.feedback import Feedback
-from gantryctl.program.power.rest import REST_S, RestWatch
+from gantryctl.program.power.rest import REST_S
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
 
@@ -22,14 +22,13 @@ class SlipWatch:
 
     Args:
         settings: permitted angle, scan period.
-        rest: of the same axis.
     """
 
-    __slots__ = ("_alarms", "_doubted_moving", "_feedback", "_from_rad", "_period_s", "_rest", "_rest_scans",
+    __slots__ = ("_alarms", "_doubted_moving", "_feedback", "_from_rad", "_period_s", "_rest_scans",
                  "_sag_max_rad", "_unwinding")  # fmt: skip
 
-    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog, rest: RestWatch) -> None:
-        self._feedback, self._alarms, self._rest = feedback, alarms, rest
+    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
+        self._feedback, self._alarms = feedback, alarms
         self._period_s, self._sag_max_rad = settings.period_s, settings.power.sag_max_rad
         self._rest_scans = settings.scans(REST_S)
         self._from_rad: float | None = None
@@ -89,7 +88,7 @@ class SlipWatch:
         """Whether a closed brake slips, or only a doubted reading jumps: then its speed must show it too."""
         if self._feedback.position_valid:
             return True
-        if self._rest.slow:
+        if self._feedback.slow:
             self._from_rad, self._doubted_moving = pos_rad, 0
             return False
         self._doubted_moving = self._feedback.lasting(self._doubted_moving)
