@@ -11,10 +11,10 @@ from typing import Final
 
 from gantryctl.commissioning.pictures import MotionSample
 from gantryctl.commissioning.results import Context
+from gantryctl.commissioning.watch import Halt, Seen, StepStopped, StepWatch
 from gantryctl.drives.canopen.bus.node import LOST
 from gantryctl.drives.canopen.cia402 import ENERGISED, FOLLOWS_COMMAND
 from gantryctl.drives.canopen.drive import CanopenDrive
-from gantryctl.engineering.report.meter import Meter
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, LinkFlag, OutputImage
 from gantryctl.machine import Machine
@@ -50,7 +50,7 @@ class OpenLoopAxis:
         feedback: what the drive showed when it was opened.
         start_deg: angle of the gantry there; NaN without a zero offset.
         leash_deg: way from there at which the axis is switched off.
-        meter: is told of the time that passes.
+        watch: sees the axis, is told of the time that passes, and ends the step when a person stops it.
         following: the gantry must follow the speed command, as a drive of proven sign and scale does.
 
     Attributes:
@@ -67,12 +67,12 @@ class OpenLoopAxis:
         start_deg: float,
         leash_deg: float,
         retained: Retained,
-        meter: Meter,
+        watch: StepWatch,
         *,
         following: bool = True,
     ) -> None:
         self.retained = retained
-        self._meter = meter
+        self._watch = watch
         self.samples: list[MotionSample] = []
         self._ref_deg_s, self._sample_s = 0.0, 0.0
         self.drive, self.period_s = drive, drive.settings.period_s
@@ -106,6 +106,10 @@ class OpenLoopAxis:
         shown = not self.drive.silent_process_data
         speed, torque = (self.speed_deg_s, seen.torque_act_nm) if shown else (math.nan, math.nan)
         self.samples.append(MotionSample(self._sample_s, self._ref_deg_s, speed, self.angle_deg, torque))
+        there_deg = self.start_deg + self.angle_deg
+        self._watch.seen = Seen(
+            there_deg if math.isfinite(there_deg) else None, speed if math.isfinite(speed) else None, seen
+        )
 
     @property
     def angle_deg(self) -> float:
@@ -128,7 +132,9 @@ class OpenLoopAxis:
 
         Raises:
             AlarmStop: the leash is at its end, the gantry does not follow, or something is wrong with the connection.
+            StepStopped: a person has stopped the step.
         """
+        self.heed()
         before, self._ref_deg_s = self.feedback.state, speed_deg_s
         self.drive.write(OutputImage(request, self.motor_rad_s(speed_deg_s), torque_nm, brake))
         self.wait()
@@ -144,6 +150,24 @@ class OpenLoopAxis:
         self._judge_following(speed_deg_s, request is ENABLE and before is self.feedback.state is _ENABLED)
         return self.feedback
 
+    def heed(self) -> None:
+        """Take torque off and brake where a person has stopped the step: no ramp of this drive is proven yet.
+
+        Raises:
+            StepStopped: with who it was and what the drive has confirmed.
+        """
+        if self.halted:
+            raise StepStopped(f"{self._watch.halt.why} · {self.break_off()}")
+
+    @property
+    def halted(self) -> bool:
+        """A person has stopped the step."""
+        return self._watch.halt.asked()
+
+    def hear_nobody(self) -> None:
+        """Heed no person any more: of a copy of this process, to which nobody talks and which is to be killed."""
+        self._watch = StepWatch(self._watch.meter, Halt())
+
     def begin_time(self) -> None:
         """Count scans from now on, after a time that somebody else has paced."""
         self._clock.start()
@@ -154,7 +178,7 @@ class OpenLoopAxis:
         self._deadline = self._clock.wait_for(before + 1).deadline
         # The gantry goes on while scans are missed.
         self._passed_s = (self._deadline - before) * self.period_s
-        self._meter.advance(self._passed_s)
+        self._watch.meter.advance(self._passed_s)
 
     def _judge_bit_12(self) -> None:
         """A drive that is off, or stops by itself, follows no command: a bit that is always 1 says nothing."""
@@ -233,6 +257,7 @@ class OpenLoopAxis:
     def show(self, output: OutputImage, seconds: float) -> None:
         """Repeat outputs for a time, with the drive off."""
         for _ in range(math.ceil(seconds / self.period_s - 1e-9)):
+            self.heed()
             self.drive.write(output)
             self.wait()
             self.feedback = self.drive.read()
@@ -339,7 +364,7 @@ def open_loop_axis(
         math.nan if known_deg is None else known_deg,
         leash_deg,
         opened.retained,
-        c.watch.meter,
+        c.watch,
         following=following,
     )
     try:

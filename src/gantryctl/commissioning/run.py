@@ -28,7 +28,7 @@ from gantryctl.commissioning.results import (
     store_progress,
 )
 from gantryctl.commissioning.stopping import steps_silence
-from gantryctl.commissioning.watch import StepWatch
+from gantryctl.commissioning.watch import Halt, StepStopped, StepWatch
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.drives.od.facts import DriveFacts
@@ -205,6 +205,10 @@ class Commissioning:
         instrument: makes the instrument at the load for the chord test; None without one.
         certificate: of its calibration, for the report.
         now_s: clock of the person who watches.
+        by: who runs a step, for the results.
+
+    Attributes:
+        watch: over the step under way, or the last one.
     """
 
     def __init__(
@@ -217,6 +221,7 @@ class Commissioning:
         instrument: InstrumentMaker | None = None,
         certificate: str = "",
         now_s: Callable[[], float] = time.monotonic,
+        by: Callable[[], str] = operator_name,
     ) -> None:
         if not machine.on_bus:
             raise UsageError(
@@ -224,7 +229,8 @@ class Commissioning:
             )
         self.machine, self.store, self.folder = machine, store, folder
         self._say, self._confirm, self._now_s = say, confirm, now_s
-        self._instrument, self._certificate = instrument, certificate
+        self._instrument, self._certificate, self._by = instrument, certificate, by
+        self.watch: StepWatch | None = None
         self._agreed = Reach.NOTHING
         self._path = store.directory / _RESULTS
         kept = load_progress(self._path)
@@ -297,14 +303,22 @@ class Commissioning:
         assert facts is not None
         return facts, nodes
 
-    def do(self, step: Step) -> StepResult | None:
-        """Run one step; None when the person declined it."""
+    def do(self, step: Step, halt: Halt | None = None) -> StepResult | None:
+        """Run one step; None when the person declined it.
+
+        Args:
+            halt: how a person ends it; None where nobody can.
+
+        Raises:
+            StepStopped: a person has. The axis is off, and the results are what they were.
+        """
         if step.reach > self._agreed:
             if not self._confirm(step):
                 return None
             self._agreed = step.reach
         begun_s = self._now_s()
-        watch = StepWatch(Meter(self._say, step.lasts_s(self.machine), self._now_s))
+        halt = halt or Halt()
+        self.watch = watch = StepWatch(Meter(self._say, step.lasts_s(self.machine), self._now_s), halt)
         context = Context(
             self.machine,
             self.store,
@@ -320,6 +334,9 @@ class Commissioning:
             result = step.run(context)
         # A step that stops the axis has failed; the run ends there and goes on with this step.
         except (AlarmStop, CommandRefused, DeviceError) as stopped:
+            # What a quick stop by a person leaves behind is an alarm, and no proof that failed.
+            if halt.asked():
+                raise StepStopped(f"{halt.why} · {stopped}") from stopped
             result = StepResult(
                 step.key, Outcome.FAILED, str(stopped), to_do="find the cause, then go on with this step"
             )
@@ -332,7 +349,7 @@ class Commissioning:
             seconds=self._now_s() - begun_s,
             axis_s=watch.meter.done,
             at=now_text(),
-            by=operator_name(),
+            by=self._by(),
             pictures=tuple(watch.pictures),
         )
         self.progress = replace(self.progress, results={**self.progress.results, step.key: result})
@@ -377,7 +394,7 @@ class Commissioning:
                 software=self.progress.software,
                 nodes=self.progress.nodes,
                 date=now_text(),
-                by=operator_name(),
+                by=self._by(),
                 report_hash=self.progress.hash,
                 steps=done,
                 accepted=tuple(row.text for row in self.ledger if row.standing is Standing.ACCEPTED),

@@ -50,15 +50,20 @@ _WHOLE_DEG: Final = 300.0
 
 @contextmanager
 def _recorded_run(c: Context, part: str) -> Iterator[tuple[AxisRun, MemoryRecorder]]:
-    """A run and its recorder, powered down at its end; `part` is the title of its picture."""
+    """A run and its recorder, powered down at its end; `part` is the title of its picture.
+
+    Raises:
+        StepStopped: a person has stopped the step.
+    """
     run = AxisRun(
-        c.machine, c.store, recorder=MemoryRecorder, commissioning=True, observer=c.watch.meter.observer()
+        c.machine, c.store, recorder=MemoryRecorder, commissioning=True, observer=c.watch.observer()
     )
     recorder = run.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     alarm = None
     try:
-        yield run, recorder
+        with c.watch.halt.stops(run):
+            yield run, recorder
         run.power_down()
     except AlarmStop as stopped:
         # An alarm holds the axis until it is acknowledged, as in operation.
@@ -245,7 +250,7 @@ def slow_turn(c: Context) -> StepResult:
     speed = min(TURN_SPEED, c.machine.speed.setting_max_deg_s)
     # Forward to the end and from the other end back to where it began: both ways are whole.
     with _recorded_run(c, "the whole travel") as (run, recorder):
-        encoders, progress = BothEncoders(run), c.watch.meter.observer()
+        encoders, progress = BothEncoders(run), c.watch.observer()
 
         def look(snapshot: Snapshot) -> None:
             progress(snapshot)

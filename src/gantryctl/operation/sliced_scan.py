@@ -69,15 +69,22 @@ class SlicedScan:
         engine = self._engine
         end_s = engine.time_s + timeout_s
         slice_s = LEASE_SLICE_S if held or lease else SLICE_S
+        handed = Stop.QUICK
+
+        def ended(_: object) -> bool:
+            # A request of another thread ends the slice: the next scan has it.
+            return done() or self.stop > handed
+
         while engine.time_s < end_s - 1e-9:
             if watch and self._asked_to_stop() and held:
                 return
             if held or lease:
                 self.renew()
-            reached = engine.run_until(lambda _: done(), min(slice_s, end_s - engine.time_s))
+            handed = self.stop if watch else Stop.QUICK
+            reached = engine.run_until(ended, min(slice_s, end_s - engine.time_s))
             self._frames.look(engine.time_s)
             self._observe()
-            if reached:
+            if reached and done():
                 return
 
     def snapshot(self) -> Snapshot:

@@ -55,12 +55,13 @@ def accuracy(c: Context) -> StepResult:
     order = order_of(c.machine)
     check_travel(c.machine, order.made())
     session = session_to_go_on_with(path, c.machine, order) or new_session(c.machine, order)
-    run = AxisRun(c.machine, c.store, commissioning=True, observer=c.watch.meter.observer())
+    run = AxisRun(c.machine, c.store, commissioning=True, observer=c.watch.observer())
     alarm = None
     try:
         instrument = c.instrument(run)
         session = replace(session, instruments=(*session.instruments, instrument.name))
-        session = AttendedTest(run, session, path, instrument, lambda text: c.say(f"  {text}")).go_on()
+        with c.watch.halt.stops(run):
+            session = AttendedTest(run, session, path, instrument, lambda text: c.say(f"  {text}")).go_on()
         run.power_down()
     except AlarmStop as stopped:
         alarm = stopped

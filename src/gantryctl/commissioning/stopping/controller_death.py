@@ -15,6 +15,7 @@ from gantryctl.machine import Machine
 # one thing of one process.
 _SHARED: Final = ("socketcan", "udp_multicast")
 _RUNS_S: Final = 0.5
+_LOOK_S: Final = 0.01
 
 
 def can_be_killed(machine: Machine) -> bool:
@@ -37,7 +38,9 @@ def kill_controller(axis: OpenLoopAxis) -> None:
     copy = os.fork()
     if copy == 0:
         _run_on(axis)
-    time.sleep(_RUNS_S)
+    end_s = time.monotonic() + _RUNS_S
+    while time.monotonic() < end_s and not axis.halted:
+        time.sleep(_LOOK_S)
     ended, _ = os.waitpid(copy, os.WNOHANG)
     if ended:
         axis.stop_for("the controller that was to be killed has ended by itself")
@@ -53,6 +56,7 @@ def _run_on(axis: OpenLoopAxis) -> NoReturn:
         for stream in (1, 2):
             os.dup2(nowhere, stream)
         axis.drive.link.log_nothing()
+        axis.hear_nobody()
         axis.begin_time()
         while True:
             axis.scan(ENABLE)

@@ -151,6 +151,9 @@ def fall_silent(axis: OpenLoopAxis, silence: Silence, speed_deg_s: float = 0.0) 
 
     No command is sent before the verdict: not even a controlword that follows the state. A drive that is still enabled
     after the limit, or whose gantry goes further than permitted, is broken off: torque off, brake.
+
+    Raises:
+        StepStopped: a person has stopped the step.
     """
     drive, seen, view = axis.drive, SilentDrive(), _View(axis)
     emergencies, begun_s, begun_deg = drive.node.emergencies.count, drive.link.now_s(), axis.angle_deg
@@ -163,6 +166,7 @@ def fall_silent(axis: OpenLoopAxis, silence: Silence, speed_deg_s: float = 0.0) 
     end_s = late_s + silence.ramp_s + rest_s + _END_S
     scans, still_s, before = 0, 0.0, begun_deg
     while still_s < rest_s:
+        axis.heed()
         drive.write(command)
         view.scan()
         scans += 1
