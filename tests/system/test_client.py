@@ -27,6 +27,7 @@ from support.service_process import PASSWORD, PATIENCE_S, Service, add_users
 
 T = TypeVar("T")
 EXAMPLES = Path(__file__).parents[2] / "examples"
+GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "use-from-python.md"
 MACHINE = default_machine()
 SPEED_DEG_S = 1.0
 # Jog-release ramp of the machine file: v / a, and the time that its jerk adds.
@@ -138,6 +139,48 @@ def test_the_example_drives_the_service(
     assert found
     # the ramp from 1 deg/s behind 0.8 deg
     assert -0.5 < float(found[1]) < 0.8
+
+
+STAND_INS = {
+    '"https://gantry.example:8650", "anna", getpass(), certificate="cert.pem"': "ADDRESS, USER, PASSWORD",
+    "axis.move(90.0": "axis.move(0.4",
+    "axis.move_by(-5.0)": "axis.move_by(-0.2)",
+    "> 100.0": ">= 0.0",
+    "> 20.0": "> 0.8",
+}
+"""The reader's own service, shorter ways, and a torque that is exceeded: each stands once in the guide."""
+
+
+def test_the_programs_of_the_guide_drive_the_service(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(service.root))
+    page = GUIDE.read_text(encoding="utf-8")
+    for theirs, ours in STAND_INS.items():
+        assert page.count(theirs) == 1, theirs
+        page = page.replace(theirs, ours)
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) == 4, "a block is new: does it belong to those that leave nothing behind?"
+    known: dict[str, Any] = {
+        "ADDRESS": f"http://{service.address}",
+        "USER": "physicist",
+        "PASSWORD": PASSWORD,
+    }
+
+    def run(block: str) -> None:
+        exec(compile(block, GUIDE.name, "exec"), known)  # noqa: S102 - what the reader does
+
+    for block in blocks[:2]:
+        again(lambda block=block: run(block))
+    # The other two are of an axis that is held.
+    with local_axis("hust_gantry") as known["axis"]:
+        axis = known["axis"]
+        axis.take()
+        again(axis.power_on)
+        for block in blocks[2:]:
+            again(lambda block=block: run(block))
+        assert axis.tags.at_rest
+        assert axis.tags.pos_ref_deg > 0.8
 
 
 def check_answers(service: Service, logged_in: Session) -> None:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, short_hash
 from gantryctl.ports import Clock, Drive, Operator, Recorder
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.runtime import Engine, FixedOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.program import axis_settings
+
+if TYPE_CHECKING:
+    from gantryctl.trace.files import Metadata
 
 ProgramFactory = Callable[[Axis], AxisProgram]
 RecorderFactory = Callable[[tuple[str, ...]], Recorder]
@@ -80,6 +84,26 @@ def build_program(
     return program(Axis(settings, zero_counts, keep_plans=keep_plans))
 
 
+def recording_metadata(machine: Machine) -> Metadata:
+    """What every recording says of its machine."""
+    return {
+        "machine": machine.name,
+        "config_hash": short_hash(machine),
+        "period_s": machine.control.scan_period_ms * 1e-3,
+        **machine.axis.dial.metadata(),
+    }
+
+
+def _recorder(machine: Machine, make: RecorderFactory, columns: tuple[str, ...]) -> Recorder:
+    from gantryctl.runtime.recorder import MemoryRecorder
+
+    made = make(columns)
+    # The class itself was given, and it knows no machine.
+    if isinstance(made, MemoryRecorder):
+        made.metadata = {**recording_metadata(machine), **made.metadata}
+    return made
+
+
 def build_engine(
     machine: Machine,
     drive: Drive | None = None,
@@ -115,7 +139,7 @@ def build_engine(
         operator or FixedOperator(),
         clock,
         period_s,
-        recorder=recorder(trace_columns(program, truth)) if recorder is not None else None,
+        recorder=None if recorder is None else _recorder(machine, recorder, trace_columns(program, truth)),
         truth=truth,
         # A simulated plant waits for a late scan and nothing is missed; a drive on a bus goes on with the last command
         # (decision 0005).

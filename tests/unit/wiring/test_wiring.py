@@ -142,7 +142,9 @@ def test_the_recorder_gets_the_columns_of_program_and_truth() -> None:
         seen.append(columns)
         return MemoryRecorder(columns)
 
-    build_engine(MACHINE, recorder=recorder)
+    engine = build_engine(MACHINE, recorder=recorder)
+    assert engine.trace().metadata["machine"] == "hust_gantry"
+    assert engine.trace().period_s == pytest.approx(1e-3)
     build_engine(IDEAL, recorder=recorder)
     assert "pos_load_rad" in seen[0]
     assert "pos_load_rad" not in seen[1]

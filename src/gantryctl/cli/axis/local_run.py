@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.cli.axis.display import Display, RunDetails
 from gantryctl.cli.options import directory
-from gantryctl.machine import Machine, short_hash
+from gantryctl.machine import Machine
 from gantryctl.operation.client import MotionReport
 from gantryctl.operation.opening import bus_lines
 from gantryctl.operation.run import AxisRun
@@ -23,6 +23,7 @@ from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.trace.files import Metadata
 from gantryctl.trace.naming import next_number, numbered, oldest_first
 from gantryctl.trace.reader import read_trace
+from gantryctl.wiring.engine import recording_metadata
 
 # Recordings kept in the state directory; older ones are removed. --out keeps everything.
 TRACES_KEPT: Final = 50
@@ -69,12 +70,9 @@ def local_run(
 
         def recorder(columns: tuple[str, ...]) -> Recorder:
             metadata: Metadata = {
-                "machine": machine.name,
-                "config_hash": short_hash(machine),
+                **recording_metadata(machine),
                 "version": version("gantryctl"),
                 "seed": seed,
-                "period_s": machine.control.scan_period_ms * 1e-3,
-                **machine.axis.dial.metadata(),
             }
             # Without a recording the summary still needs the rows.
             if path is None:

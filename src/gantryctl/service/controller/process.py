@@ -49,7 +49,7 @@ from gantryctl.service.memory.trace_ring import RingRecorder, rest_metadata
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
 from gantryctl.trace.naming import next_number
 from gantryctl.wiring.bus_log import logged_links
-from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.engine import build_engine, recording_metadata
 
 # A shutdown that takes longer ends with torque off and the brake closed.
 END_S: Final = 20.0
@@ -126,11 +126,8 @@ class Controller:
         """
         self._write_start()
         metadata = {
-            "machine": self.machine.name,
-            "config_hash": short_hash(self.machine),
+            **recording_metadata(self.machine),
             "version": version("gantryctl"),
-            "period_s": self.engine.period_s,
-            **self.machine.axis.dial.metadata(),
             **rest_metadata(self.machine.motor.torque_rated_nm),
         }
         publish_json(self.memory.columns, {"columns": list(self._recorder.columns), "metadata": metadata})
