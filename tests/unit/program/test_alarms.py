@@ -9,7 +9,7 @@ import pytest
 
 from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity
-from gantryctl.program.alarms.alarms_page import reference_page
+from gantryctl.program.alarms.alarms_page import chinese_page, reference_page
 from gantryctl.program.alarms.log import HISTORY_LENGTH, from_wire, messages_to_wire, refusal, to_wire
 from gantryctl.program.alarms.table import all_codes, explain
 from gantryctl.program.alarms.words import Words
@@ -114,11 +114,21 @@ def test_explain_nonsense_still_helps(asked):
         explain(asked)
 
 
-def test_reference_page_is_made_from_the_table():
-    committed = (ROOT / "docs" / "reference" / "alarms.md").read_text(encoding="utf-8")
-    assert committed == reference_page(), (
-        "run: python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md"
+@pytest.mark.parametrize(
+    ("page", "made"), [("reference/alarms.md", reference_page), ("zh/alarms.md", chinese_page)]
+)
+def test_the_pages_are_made_from_the_table(page, made):
+    committed = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert committed == made(), (
+        "run: python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md docs/zh/alarms.md"
     )
+
+
+def test_the_chinese_page_has_every_code_and_no_english_but_names():
+    page = chinese_page()
+    for row in ALARMS.values():
+        assert f"\n## {row.code} {row.chinese.title}\n" in page
+    assert "{" not in page
 
 
 # --- latch --------------------------------------------------------------------------------------

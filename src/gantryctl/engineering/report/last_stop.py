@@ -181,7 +181,7 @@ def sentences(machine: Machine, stop: LastStop, moment: Moment | None) -> Iterat
         yield f"It was followed, {1e3 * (alarm.time_s - first.time_s):.0f} ms later, by: {alarm.text}"
     if row is not None:
         yield f"What it means: {row.english.cause}"
-        yield f"What the axis does then: {describe_reaction(row)}."
+        yield f"What the axis does then: {describe_reaction(row).english}."
         yield f"What to do: {row.english.to_do}"
 
 

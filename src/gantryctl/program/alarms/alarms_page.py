@@ -1,19 +1,23 @@
-"""The reference page of alarms and refusals: `python -m gantryctl.program.alarms.alarms_page FILE` writes it."""
+"""The pages of alarms and refusals, of the reference and of the operator's guide in Chinese.
+
+`python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md docs/zh/alarms.md` writes them.
+"""
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Final
 
-from gantryctl.program.alarms.codes import Definition
+from gantryctl.program.alarms.codes import Definition, Severity
 from gantryctl.program.alarms.table import ALARMS, describe_reaction
 
 _HEAD: Final = """\
 # Alarms and refusals
 
-Written by `python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md`; do not edit, a test compares.
-`gantryctl explain CODE` prints one entry.
+Written by `python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md docs/zh/alarms.md`; do not edit,
+a test compares. `gantryctl explain CODE` prints one entry. [中文](../zh/alarms.md)
 
 A code never changes its meaning: one cause, one code. An alarm says, in one line: code and severity, what was
 measured against which limit, what was done about it (with times, and how far the axis moved), what to do.
@@ -55,18 +59,61 @@ def reference_page() -> str:
 
 
 def _entry(row: Definition) -> str:
-    english, chinese = row.english, row.chinese
+    english = row.english
     message = english.message.replace("|", "\\|")
     return (
         f"## {row.code} {english.title}\n\n"
         f"- Severity: {row.severity.value}\n"
         f"- Message: `{message}`\n"
         f"- Cause: {english.cause}\n"
-        f"- Reaction: {describe_reaction(row)}\n"
+        f"- Reaction: {describe_reaction(row).english}\n"
         f"- What to do: {english.to_do}\n"
-        f"- 中文：{chinese.title}。`{chinese.message}` 原因：{chinese.cause} 处理方法：{chinese.to_do}\n"
+    )
+
+
+_CHINESE_HEAD: Final = """\
+# 报警与拒绝
+
+本页由 `python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md docs/zh/alarms.md` 生成，请勿手工修改。
+[English](../reference/alarms.md)
+
+每个代码只有一个含义：一个原因，一个代码。使轴停止的第一个报警为“首发”，其后的报警归在它之下。被拒绝的命令不改变任何状态。
+“复位”只清除原因已消失的报警，绝不会上电，也不会缩短停止过程。报警之后怎么做：[报警之后](after-an-alarm.md)。
+
+| 级别 | 含义 |
+|---|---|
+| 信息 | 仅供了解 |
+| 警告 | 轴继续运行，请注意 |
+| 拒绝 | 命令未执行 |
+| 停机 | 轴已停止，需要复位 |
+"""
+_SEVERITIES: Final = {
+    Severity.INFO: "信息",
+    Severity.WARNING: "警告",
+    Severity.REFUSED: "拒绝",
+    Severity.STOP: "停机",
+}
+
+
+def chinese_page() -> str:
+    """The same for the operator, in Chinese."""
+    return "\n".join([_CHINESE_HEAD, *(_chinese_entry(row) for row in ALARMS.values())])
+
+
+def _chinese_entry(row: Definition) -> str:
+    chinese = row.chinese
+    # Names of values mean nothing to an operator.
+    message = re.sub(r"\{\w+\}", "…", chinese.message).replace("|", "\\|")
+    return (
+        f"## {row.code} {chinese.title}\n\n"
+        f"- 级别：{_SEVERITIES[row.severity]}\n"
+        f"- 显示：{message}\n"
+        f"- 原因：{chinese.cause}\n"
+        f"- 反应：{describe_reaction(row).chinese}\n"
+        f"- 处理方法：{chinese.to_do}\n"
     )
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(reference_page(), encoding="utf-8")
+    for file, text in zip(sys.argv[1:], (reference_page(), chinese_page()), strict=True):
+        Path(file).write_text(text, encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.errors import CommandRefused
 from gantryctl.program.alarms.bus import BUS
@@ -48,24 +48,45 @@ def explain(code: str) -> str:
         "",
         f"Message    {message}",
         f"Cause      {row.english.cause}",
-        f"Reaction   {describe_reaction(row)}",
+        f"Reaction   {describe_reaction(row).english}",
         f"What to do {row.english.to_do}",
     ]
     return "\n".join(lines)
 
 
-def describe_reaction(row: Definition) -> str:
+class ReactionWords(NamedTuple):
+    """What an axis does about an alarm, in both languages."""
+
+    english: str
+    chinese: str
+
+
+_REACTIONS: Final = {
+    Reaction.W: ReactionWords("none, the axis goes on", "无，轴继续运行"),
+    Reaction.REF: ReactionWords("the command is refused, nothing moves", "命令被拒绝，没有任何运动"),
+    Reaction.HLT: ReactionWords(
+        "stop on the jog-release ramp, power stays on", "按松键斜坡停止，动力保持接通"
+    ),
+    Reaction.QUICK_STOP: ReactionWords(
+        "QUICK STOP: the drive's quick-stop ramp, then brake, then torque off",
+        "快速停止：按驱动器的快速停止斜坡停下，然后抱紧制动器，再切断转矩",
+    ),
+    Reaction.TORQUE_OFF: ReactionWords("TORQUE OFF and brake at once", "立即切断转矩并抱紧制动器"),
+    Reaction.HOLD: ReactionWords(
+        "HOLD: torque at zero speed, because the brake is not trusted",
+        "保持：制动器不可信，电机以零速转矩保持",
+    ),
+}
+_LOCK: Final = ReactionWords("; LOCK: only the service role may reset", "；锁定：只有维修角色可以复位")
+_BLOCK: Final = ReactionWords("; no motion until reset", "；复位之前不能运动")
+_LOCK_AND_BLOCK: Final = ReactionWords("; no motion until then", "；在此之前不能运动")
+
+
+def describe_reaction(row: Definition) -> ReactionWords:
     """What the axis does, in words."""
-    words = {
-        Reaction.W: "none, the axis goes on",
-        Reaction.REF: "the command is refused, nothing moves",
-        Reaction.HLT: "stop on the jog-release ramp, power stays on",
-        Reaction.QUICK_STOP: "QUICK STOP: the drive's quick-stop ramp, then brake, then torque off",
-        Reaction.TORQUE_OFF: "TORQUE OFF and brake at once",
-        Reaction.HOLD: "HOLD: torque at zero speed, because the brake is not trusted",
-    }[row.reaction]
+    parts = [_REACTIONS[row.reaction]]
     if row.lock:
-        words += "; LOCK: only the service role may reset"
+        parts.append(_LOCK)
     if row.blocks_motion:
-        words += "; no motion until then" if row.lock else "; no motion until reset"
-    return words
+        parts.append(_LOCK_AND_BLOCK if row.lock else _BLOCK)
+    return ReactionWords("".join(each.english for each in parts), "".join(each.chinese for each in parts))
