@@ -133,7 +133,7 @@ screenshots: setup
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi
 
 # What is released: sdist, wheel, bill of materials, sums.
-dist: setup
+dist: setup site
 	rm -rf dist
 	.venv/bin/python -c "from scikit_build_core.build import build_sdist; build_sdist('dist')"
 	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .

@@ -126,6 +126,7 @@ GROUPS: Final = {
         "bench": Entry(
             "computer.bench", "bench", "How fast this computer is, as ratios, beside its last run."
         ),
+        "docs": Entry("computer.docs", "docs", "Open the documentation, without a network."),
         "completion": Entry("completion", "completion", "Shell completion for bash, zsh or fish."),
     },
 }

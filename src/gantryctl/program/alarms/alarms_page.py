@@ -115,5 +115,5 @@ def _chinese_entry(row: Definition) -> str:
 
 
 if __name__ == "__main__":
-    for file, text in zip(sys.argv[1:], (reference_page(), chinese_page()), strict=True):
+    for file, text in zip(sys.argv[1:], (reference_page(), chinese_page()), strict=False):
         Path(file).write_text(text, encoding="utf-8")
