@@ -9,6 +9,7 @@ from functools import cache
 
 import pytest
 
+from gantryctl._core import PlantParams
 from gantryctl.engineering.drafting.choice import draft_with
 from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
 from gantryctl.engineering.drafting.templates import load_template, template_names
@@ -20,7 +21,7 @@ from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.program.alarms.codes import Code
-from gantryctl.wiring import program
+from gantryctl.wiring import program, simulator
 from support.fault_rows import seen_by
 from support.oracle.limits import bounds_of
 from support.oracle.taps import Oracle
@@ -128,13 +129,37 @@ def test_what_counts_as_rest_goes_with_the_axis(oracle: Oracle, monkeypatch: pyt
     assert "at rest after" in wrong
 
 
+def test_a_late_brake_lets_the_wind_speed_a_telescope_up(
+    oracle: Oracle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """0.22 deg/s in 0.35 s, from 1.998 deg/s. The liar: 2.5 times the wind behind the back of the bound."""
+    machine = axis_of("draft of telescope_azimuth")
+    assert against(machine, "C11", oracle) == []
+    true = simulator.plant_params
+
+    def gale(machine: Machine) -> PlantParams:
+        plant = true(machine)
+        plant.wind_moment_nm *= 2.5
+        return plant
+
+    monkeypatch.setattr(simulator, "plant_params", gale)
+    oracle.bounds = bounds_of(machine)
+    run_fault(fault_case("C11"), machine=machine)
+    (fast,) = oracle.caught("INV-3")
+    assert "true speed" in fast.text
+    oracle.violations.clear()
+
+
+# A part of the table on an axis takes up to half a minute, so that a run that was ended goes on where it was: `-k`.
+PARTS: dict[str, list[str]] = {}
+for each in CATALOGUE:
+    if each.judged and "sim" in each.buses:
+        PARTS.setdefault(each.number[0], []).append(each.number)
+
+
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("part", PARTS)
 @pytest.mark.parametrize("name", [*DRAFTS, *CONFIGS])
-def test_every_fault_on_every_axis(name: str, oracle: Oracle) -> None:
+def test_every_fault_on_every_axis(name: str, part: str, oracle: Oracle) -> None:
     machine = axis_of(name)
-    wrong = []
-    for case in CATALOGUE:
-        if case.judged and "sim" in case.buses:
-            wrong += against(machine, case.number, oracle)
-    assert wrong == []
+    assert [wrong for number in PARTS[part] for wrong in against(machine, number, oracle)] == []

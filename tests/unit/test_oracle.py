@@ -137,6 +137,14 @@ def a_speed_that_jumps(_: pytest.MonkeyPatch) -> None:
     bench.engine.run_for(0.01)
 
 
+def a_drive_that_turns_too_fast(_: pytest.MonkeyPatch) -> None:
+    """Above 6.6 deg/s under torque, until monitors stop it: what a load adds that nothing holds is no excuse."""
+    ceiling = {"speed__drive_ceiling_deg_s": 8.0, "speed__overspeed_trip_deg_s": 8.5}
+    bench = Bench(virtual_axis__acc_deg_s2=2.0, **ceiling).moving()
+    plant(bench, lambda mode, vel, *rest: (mode, 1.5 * vel, *rest))
+    bench.engine.run_for(1.0)
+
+
 def a_drive_that_goes_beyond_the_travel(patch: pytest.MonkeyPatch) -> None:
     bench = Bench(179.5).up()
     patch.setattr(AlarmLog, "raise_", lambda *_, **__: None)
@@ -298,6 +306,7 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-2", a_motor_that_turns_while_off),
         ("INV-2", an_enable_that_nobody_asked_for),
         ("INV-3", a_speed_that_jumps),
+        ("INV-3", a_drive_that_turns_too_fast),
         ("INV-3", a_drive_that_goes_beyond_the_travel),
         ("INV-3", a_program_that_goes_into_a_sector),
         ("INV-3", a_program_that_goes_back_into_the_sector_that_it_has_left),

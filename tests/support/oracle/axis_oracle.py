@@ -57,8 +57,9 @@ class AxisOracle:
     or increment asks for it, and enables only after a rising edge of power or of a brake test, or for HOLD.
     **INV-3, envelope.** The motor side stays within over-travel (or where it began; a modulo axis has no ends) and
     outside of every no-go sector, unless it stands in one and leaves; a stop of a fault ends at most 4.5 deg further.
-    It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback); the speed command changes
-    no faster than the steepest ramp in force, and the correction that the position loop may add.
+    It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback, and what the load of
+    another axis adds until its brake must have closed); the speed command changes no faster than the steepest ramp in
+    force, and the correction that the position loop may add.
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
@@ -94,7 +95,7 @@ class AxisOracle:
         self.sim: object = None
         self._axis: Any = None
         self._energised_ms = self._off_ms = -1_000_000
-        self._unheld_ms = 0
+        self._unheld_ms = self._driven_ms = 0
         self._off_unjudged = False
         self._anchor: float | None = None
         self._reason_ms = -1
@@ -425,6 +426,7 @@ class AxisOracle:
         onset = self._onset
         if self._feedback_fault():
             limit += self.bounds.fault_overspeed_deg_s * self._deg
+        limit += self.bounds.unheld_acc_deg_s2 * self._deg * 1e-3 * min(self._driven_ms, self._unheld_max_ms)
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
         low, high = self._low, self._high
@@ -483,7 +485,7 @@ class AxisOracle:
         was_energised, self.energised = self.energised, energised
         was_open, self.brake_open = self.brake_open, brake_open
         if energised and not was_energised:
-            self._energised_ms = now
+            self._energised_ms, self._driven_ms = now, 0
             asked = now <= self._power_until or self._test_asked or type(self.program) is not GantryProgram
             if self._latched is not None and not self._holding():
                 self.say("INV-5", f"torque came on while {self._latched.code} is latched")
@@ -512,8 +514,14 @@ class AxisOracle:
                 self._off_unjudged = False
                 self.say("INV-6", "torque went off with the brake open, and no alarm says so")
         self._unheld_ms = self._unheld_ms + 1 if self.brake_open else 0
-        if self._unheld_ms > 1e3 * (limits.BRAKE_CLOSES_S + self.brake_late_s):
+        # The speed that the load has given stays until the brake has taken it.
+        self._driven_ms = max(self._driven_ms, self._unheld_ms)
+        if self._unheld_ms > self._unheld_max_ms:
             self.say("INV-6", f"neither torque nor brake for {self._unheld_ms} ms")
+
+    @property
+    def _unheld_max_ms(self) -> float:
+        return 1e3 * (limits.BRAKE_CLOSES_S + self.brake_late_s)
 
     def _stopping(self, stop: Stop) -> None:
         """INV-1 while a stop is under way, and the record against which its words are judged."""
