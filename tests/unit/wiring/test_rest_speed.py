@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from gantryctl.engineering.drafting.choice import draft_with
-from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
-from gantryctl.engineering.drafting.templates import load_template, template_names
-from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
 from gantryctl.engineering.stops import check_quick_stop
 from gantryctl.engineering.stops.limits import unknown_rest
 from gantryctl.errors import ConfigError
 from gantryctl.image import DriveFeedback
-from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.machine import configs_folder, default_machine, with_values
 from gantryctl.program.blocks.cam_switch import Cam, CamDirection, DigitalCamSwitch
 from gantryctl.program.settings import AxisSettings, SpeedSettings
 from gantryctl.units import rad
 from gantryctl.wiring.program import axis_settings, rest_speed_deg_s, speed_step_deg_s
+from support.delivered_axes import DRAFTS, axis_of
 from unit.program.rig import RATIO, Rig
 from unit.program.rig import settings as rig_settings
 
@@ -43,25 +39,14 @@ KNOWN = {
 }
 
 
-@cache
-def machine_of(name: str) -> Machine:
-    if not name.startswith("draft of "):
-        return load_machine(configs_folder() / f"{name}.toml")
-    template = name.removeprefix("draft of ")
-    values = sheet_values(Answered.of(load_template(template), {}), f"my_{template}")
-    return draft_with(
-        drafted_sheet(values, "sheet"), load_motors(delivered_motors()), f"my_{template}"
-    ).machine()
-
-
 def test_no_machine_is_left_out() -> None:
     files = {file.stem for file in configs_folder().glob("*.toml") if "calibration" not in file.name}
-    assert set(KNOWN) == files | {f"draft of {name}" for name in template_names()}
+    assert set(KNOWN) == files | set(DRAFTS)
 
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_rest_of_every_machine(name: str) -> None:
-    machine = machine_of(name)
+    machine = axis_of(name)
     step, rest = speed_step_deg_s(machine), rest_speed_deg_s(machine)
     # To the digits of the table above.
     assert (step, rest) == (pytest.approx(KNOWN[name][0], abs=5e-6), pytest.approx(KNOWN[name][1], abs=5e-6))
@@ -81,7 +66,7 @@ def test_the_reference_machine_keeps_its_rest_to_the_bit() -> None:
 
 def test_no_speed_that_can_be_set_is_rest() -> None:
     """A telescope that follows the stars turns at 0.0042 deg/s; a 300th of its highest setting would be 0.0067."""
-    machine = with_values(machine_of("azimuth_dish"), {"speed.setting_min_deg_s": 0.004})
+    machine = with_values(axis_of("azimuth_dish"), {"speed.setting_min_deg_s": 0.004})
     assert rest_speed_deg_s(machine) == 0.002
 
 
@@ -112,7 +97,7 @@ def test_rest_lies_between_the_noise_and_the_speeds_of_any_axis(
 ) -> None:
     """No machine that can be described rests below its noise, or above a 60th of its highest setting without a no."""
     try:
-        machine = with_values(machine_of(name), changes)
+        machine = with_values(axis_of(name), changes)
     except ConfigError:
         assume(False)
     step, rest, top = speed_step_deg_s(machine), rest_speed_deg_s(machine), machine.speed.setting_max_deg_s
@@ -129,11 +114,11 @@ def test_rest_lies_between_the_noise_and_the_speeds_of_any_axis(
 
 def test_a_reading_that_is_too_coarse_is_refused_in_words_before_the_axis_moves() -> None:
     """64 interpolated steps a line, not 2048: 0.012 deg/s a count and cycle, of the 0.48 deg/s of a yaw drive."""
-    fine, coarse = machine_of("draft of wind_turbine_yaw"), {"encoder.interpolation": 64}
+    fine, coarse = axis_of("draft of wind_turbine_yaw"), {"encoder.interpolation": 64}
     check_quick_stop(fine)
     with pytest.raises(ConfigError, match=r"read in steps of 0\.0121 deg/s.*below 0\.0243 deg/s.*60th"):
         check_quick_stop(with_values(fine, coarse))
-    gantry = machine_of("hust_can")
+    gantry = axis_of("hust_can")
     assert not unknown_rest(with_values(gantry, {"can.velocity_unit": "r/min"})), "0.0052 of 6 deg/s"
     # An increment in a scan of 4 ms is 1.2 deg/s, where the drive has no 606C.
     (line,) = unknown_rest(with_values(gantry, {"can.increments_per_turn": 64}))

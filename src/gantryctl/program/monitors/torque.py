@@ -38,8 +38,12 @@ _LEAP_SHARE: Final = 0.8
 _LEAP_S: Final = 0.020
 # A period of the load's swing.
 _SWING_S: Final = 0.5
-# A brake that closes asks for all its torque within some milliseconds, and for good; a swing of the load by 154 N m at
-# 2 Hz changes the torque by 54 N m in the first time.
+# A brake that closes asks for all its torque within some milliseconds, and for good: half of it lies as far from that
+# as from nothing, so the brake may have half of its torque, and the load may swing. The permitted ways allow for 60 ms
+# of reaction: half to rise against the mean of that time, half to stay. A swing of amplitude A stays above that mean by
+# at most 0.84 A (1.03 A at scans of 10 ms) at the worst frequency, 9 to 11 Hz: a slower one does not rise so fast, a
+# faster one does not stay. So no load that swings with less than 0.48 of the brake's torque looks like a brake; on the
+# reference gantry (2.4 Hz) none does that its motor can swing (`tests/plant/test_brake_grip.py`).
 _GRIPS_SHARE: Final = 0.5
 _GRIPS_S: Final = 0.030
 # A shaft that is started follows within some milliseconds: against a closed brake it creeps at a thirtieth of the
