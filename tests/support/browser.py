@@ -140,6 +140,12 @@ def enter(
     return page
 
 
+def person_key(page: Page, name: str) -> None:
+    """Press a button of the list below the person's name."""
+    page.get_by_test_id("user").click()
+    page.locator("#person").get_by_role("button", name=name).click()
+
+
 def ready_to_jog(page: Page) -> None:
     """Take control, power on, continuous mode: by the buttons that a person uses."""
     page.get_by_role("button", name="Take control").click()

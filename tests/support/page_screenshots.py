@@ -15,7 +15,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from support.browser import SIZE, Proxy, enter, launch, press, ready_to_jog, until_moving
+from support.browser import SIZE, Proxy, enter, launch, person_key, press, ready_to_jog, until_moving
 from support.service_process import Page as Watcher
 from support.service_process import Service, add_users
 
@@ -75,7 +75,7 @@ def in_motion(page: Page, watcher: Watcher, album: Album) -> None:
     watcher.until(lambda tags: tags["at_rest"])
     learn(page, watcher)
     album.take(page, "display")
-    page.get_by_role("button", name="Dark").click()
+    person_key(page, "Dark")
     album.take(page, "display_dark")
     show(page, "operation")
     page.get_by_role("button", name="中文").click()
@@ -84,7 +84,7 @@ def in_motion(page: Page, watcher: Watcher, album: Album) -> None:
     for area in ("settings", "diagnosis"):
         show(page, area)
         album.take(page, f"{area}_dark")
-    page.get_by_role("button", name="Dark").click()
+    person_key(page, "Dark")
     for area in ("settings", "diagnosis"):
         show(page, area)
         album.take(page, area)
@@ -96,9 +96,9 @@ def after_a_stop(page: Page, watcher: Watcher, album: Album) -> None:
     watcher.until(lambda tags: tags["at_rest"] and tags["power_phase"] == "off")
     show(page, "alarms")
     album.take(page, "alarms")
-    page.get_by_role("button", name="Dark").click()
+    person_key(page, "Dark")
     album.take(page, "alarms_dark")
-    page.get_by_role("button", name="Dark").click()
+    person_key(page, "Dark")
     page.get_by_role("button", name="中文").click()
     album.take(page, "alarms_chinese")
     page.get_by_role("button", name="English").click()

@@ -1,5 +1,6 @@
 // Hold-to-run: the axis moves while a key is held, and this page proves with every status frame that it still is.
 import { link } from './link.svelte';
+import { sight } from './sight.svelte';
 import type { Reply } from './protocol';
 import type { Commands } from './tables';
 
@@ -8,7 +9,7 @@ export type Direction = Commands['jog']['direction'];
 /** A lease that the controller has not shown by now will not live any more. */
 const GRACE_MS = 400;
 
-type Ending = '' | 'released' | 'both' | 'left' | 'stale' | 'late' | 'refused' | 'lost';
+type Ending = '' | 'released' | 'both' | 'left' | 'unseen' | 'stale' | 'late' | 'refused' | 'lost';
 
 class Hold {
   direction = $state<Direction | null>(null);
@@ -32,7 +33,7 @@ class Hold {
   /** Begin; both keys together mean stop. */
   press(direction: Direction): void {
     if (this.direction !== null) return this.release('both');
-    if (link.stale) return;
+    if (link.stale || !sight.stop) return;
     // A press on old data is not sent: it would arrive too late to be meant.
     if (link.since() > (link.welcome?.key_view_max_ms ?? 200)) {
       this.ended = 'late';
@@ -71,6 +72,7 @@ class Hold {
   #check(): void {
     if (this.#lease === '') return;
     if (link.stale) this.release('stale');
+    else if (!sight.stop) this.release('unseen');
     else if (performance.now() - this.#pressedAt > GRACE_MS && link.tags.lease_left_ms === 0)
       this.release('lost');
   }

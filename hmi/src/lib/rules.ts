@@ -1,8 +1,11 @@
 // Why a command is not offered now. The service decides; this only spares the person a refusal.
 import type { Key } from './en';
 import { link } from './link.svelte';
+import { sight } from './sight.svelte';
 import { RIGHTS, type Action } from './tables';
 
+/** What moves the axis, or lets it move. */
+const STARTS = new Set<Action>(['power', 'mode', 'jog', 'move', 'brake_test']);
 const CONTROLLED = new Set(RIGHTS.filter((right) => right.control).map((right) => right.action));
 
 /** The text that says why not, or empty. `more` are further conditions, the first that fails counts. */
@@ -14,6 +17,7 @@ export function whyNot(
   if (link.stale) return 'why_stale';
   if (!link.may(action)) return 'why_role';
   if (control && !link.mine) return 'why_control';
+  if (STARTS.has(action) && !sight.stop) return 'why_no_stop';
   return more.find(([fails]) => fails)?.[1] ?? '';
 }
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from playwright.sync_api import Browser, Locator, Page, expect
 from playwright.sync_api import Error as PageError
 
-from support.browser import MOVING_DEG_S, SIZE, address, enter
+from support.browser import MOVING_DEG_S, SIZE, address, enter, person_key
 from support.service_process import PASSWORD, Service
 from support.soak.watch import Observer
 
@@ -66,7 +66,7 @@ class Day:
             self._key(page, "List recordings").click()
             page.locator(f"#tab-{self._chance.choice(AREAS)}").click()
             if time.monotonic() > self._login_s + SESSION_S:
-                self._key(page, "Log out").click()
+                person_key(page, "Log out")
                 self._log_in(page, "physicist")
                 self._login_s = time.monotonic()
         except (PageError, AssertionError) as fault:
@@ -247,14 +247,14 @@ class Day:
         self._take()
 
     def _change_people(self) -> None:
-        self._key(self._page, "Log out").click()
+        person_key(self._page, "Log out")
         self._log_in(self._page, "operator")
 
     def _test_brake(self) -> None:
         """The physicist comes, tests, and goes."""
         page = self._page
         tests = self._observer.tags["brake_tests"]
-        self._key(page, "Log out").click()
+        person_key(page, "Log out")
         self._log_in(page, "physicist")
         self._take()
         self._key(page, "1 · Arm test").click()
@@ -262,5 +262,5 @@ class Day:
         self._observer.until(lambda tags: tags["brake_tests"] > tests and tags["power_phase"] == "off")
         if (result := self._observer.tags["brake_test_result"]) != "passed":
             self._trouble("stop", f"a brake test: {result}")
-        self._key(page, "Log out").click()
+        person_key(page, "Log out")
         self._log_in(page, "operator")

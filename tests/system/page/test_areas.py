@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, e
 
 from gantryctl.gateway.access import COOKIE
 from gantryctl.service.clients.link import console_link
-from support.browser import SIZE, address, enter, ready_to_jog
+from support.browser import SIZE, address, enter, person_key, ready_to_jog
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher
 
@@ -60,7 +60,7 @@ def test_a_person_logs_in_with_a_password_and_out_again(
     (cookie,) = context.cookies()
     assert (cookie["name"], cookie["domain"], cookie["path"]) == (COOKIE, host, "/")
     assert (cookie["secure"], cookie["httpOnly"], cookie["sameSite"]) == (True, True, "Strict")
-    page.get_by_role("button", name="Log out").click()
+    person_key(page, "Log out")
     expect(page.get_by_label("Password")).to_be_visible()
     assert context.cookies() == []
 
@@ -98,7 +98,7 @@ def test_nothing_leaves_the_machine_and_no_policy_is_broken(
             page.locator(f"#tab-{area}").click()
             expect(page.locator(f"[data-area={area}]")).to_be_visible()
         page.get_by_role("button", name=language).click()
-        page.locator("header .who button").nth(1).click()
+        person_key(page, "深色" if language == "中文" else "Dark")
     assert hosts == {page_service.address}
     assert said == []
 
@@ -212,7 +212,7 @@ def test_chinese_dark_and_back_after_a_reload(page: Page) -> None:
     page.get_by_role("button", name="中文").click()
     expect(page.locator("#tab-operation")).to_have_text("操作")
     expect(page.locator("html")).to_have_attribute("lang", "zh-CN")
-    page.get_by_role("button", name="深色").click()
+    person_key(page, "深色")
     expect(page.locator("html")).to_have_attribute("data-theme", "dark")
     page.reload()
     expect(page.locator("#tab-alarms")).to_have_text("报警")
