@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import io
+import json
 import re
 import shutil
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 
+from gantryctl.cli.main import cli as commands
 from gantryctl.engineering.instruments import Reading
 from gantryctl.engineering.instruments.line_server import LineServer
-from gantryctl.machine import configs_folder
+from gantryctl.machine import configs_folder, default_machine
+from gantryctl.operation.store import state_root
+from gantryctl.service.recorder.journal.writer import Journal
 from support.command_line import cli, done, machine_file
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "json.md"
@@ -91,6 +98,7 @@ RUNS: dict[str, list[str]] = {
     "drive gains": ["drive", "gains", "--config", "epos4.toml"],
     "drive field": ["drive", "field", "--drive", "Faulhaber", "--config", str(CAN)],
     "size": ["size"],
+    "size motors": ["size", "motors"],
     "size init": ["size", "init", "sheet.toml", "--template", "tilt_table"],
     "new": ["new", "rig", "--template", "tilt_table", "--gears", "0"],
     "config init --sheet": ["config", "init", "rig.toml", "--sheet", str(SHEET), "--gears", "0"],
@@ -117,21 +125,52 @@ RUNS: dict[str, list[str]] = {
     "trace list": ["trace", "list"],
     "trace compare": ["trace", "compare", "run.parquet", "run.parquet"],
     "why": ["why"],
+    "eds check": ["eds", "check", "drive.eds"],
+    "faults list": ["faults", "list"],
+    "faults list --kinds": ["faults", "list", "--kinds"],
+    "faults show": ["faults", "show", "A2"],
+    "faults run": ["faults", "run", "--fault", "D1"],
+    "journal show": ["journal", "show"],
+    "journal verify": ["journal", "verify"],
+    "user list": ["user", "list"],
     "trace plot": ["trace", "plot", "run.parquet"],
     "trace export": ["trace", "export", "run.parquet", "--format", "csv"],
 }
 
 
+def with_json(command: click.Command, path: str, ctx: click.Context) -> Iterator[str]:
+    """Every command and group that has the option."""
+    if any("--json" in option.opts for option in command.params):
+        yield path.strip()
+    if isinstance(command, click.Group):
+        for name in command.list_commands(ctx):
+            below = command.get_command(ctx, name)
+            assert below is not None
+            yield from with_json(below, f"{path} {name}", ctx)
+
+
 def test_the_page_names_every_command_that_prints_json() -> None:
     assert set(KEYS) == set(RUNS)
     assert all(KEYS.values())
+    # `size` alone is `size motors`.
+    named = {command.partition(" --")[0] for command in KEYS} - {"size"}
+    assert named == set(with_json(commands, "", click.Context(commands)))
+
+
+def journal() -> None:
+    """One event."""
+    record = {"utc": "2026-01-01", "monotonic_ns": 1, "kind": "command", "user": "anna", "role": "operator",
+              "place": "local", "client": "c", "text": "stop: done"}  # fmt: skip
+    made = Journal(state_root() / default_machine().name)
+    made.append(1, 0, 1, [json.dumps(record).encode()])
+    made.close()
 
 
 @pytest.mark.parametrize(
     "command",
     [pytest.param(run, marks=[pytest.mark.can] if RUNS[run][-1] == str(CAN) else []) for run in RUNS],
 )
-def test_the_keys_are_those_of_the_page(command: str) -> None:
+def test_the_keys_are_those_of_the_page(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if command.split(maxsplit=1)[0] in ("status", "alarms", "reset", "retain", "trace", "config", "why"):
         prepare()
     Path("table.csv").write_text(
@@ -144,6 +183,13 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
     if command == "accuracy measure":
         values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
         machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})
+    if command == "eds check":
+        done("drive", "sim", "--write-eds", "drive.eds")
+    if command.startswith("journal"):
+        journal()
+    if command == "user list":
+        monkeypatch.setattr("sys.stdin", io.StringIO("correct horse battery\n"))
+        done("user", "add", "anna", "--role", "operator")
     if command.startswith("campaign"):
         campaign_file()
         if command not in ("campaign run", "campaign plan"):
