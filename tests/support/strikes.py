@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,9 +35,12 @@ KILL = math.inf
 FROZEN_S = (0.1, 0.5, 2.0, 5.0, KILL)
 SPEED_DEG_S = 1.0
 PRESSES = 10
-"""A computer that is busy loses a key now and then; it is pressed again."""
+"""A computer that is busy loses a key now and then, or a virtual drive its time; it is begun anew."""
 WITHIN_S = 0.2
 """Between the reading of the angle and the signal, and between two looks at it afterwards, on a busy computer."""
+
+STOPPED_S = 3.0
+"""Longer than any stop of the table from this speed; power is off before the brake holds."""
 
 
 class Strike(NamedTuple):
@@ -106,6 +109,7 @@ class Struck:
         self._options = [] if config is None else ["--config", str(config)]
         self.service = self._started()
         self.page = self.service.page("service")
+        self.lease, self.begun_anew = "", 0
 
     def _started(self) -> Service:
         service = Service(self.root, *self._options)
@@ -114,23 +118,24 @@ class Struck:
 
     def strike(self, strike: Strike) -> dict[str, Any]:
         """Strike once; what came of it."""
+        self.begun_anew = 0
         self.bring_to(strike.state)
         seen = len(self.texts())
         lost = self.page.tags["trace_rows_lost"]
-        begin_deg = self.angle_deg()
         pid = self.service.process.pid if strike.victim == "supervisor" else self.service.child(strike.victim)
+        begin_deg = self.angle_deg()
         os.kill(pid, signal.SIGKILL if strike.frozen_s == KILL else signal.SIGSTOP)
         struck_s = time.monotonic()
         if strike.frozen_s != KILL:
             self.wait(strike.frozen_s)
-            os.kill(pid, signal.SIGCONT)
+            with suppress(ProcessLookupError):  # so late that the supervisor took it for hung: the journal tells it
+                os.kill(pid, signal.SIGCONT)
             struck_s = time.monotonic()
-        if self.true is not None:
-            self.wait(3.0)  # longer than any stop of the table from this speed
-        rest_deg = self.angle_deg() if self.true is not None else math.nan
         back_s = self.back(strike, struck_s)
-        if self.true is None:
-            rest_deg = self.rested(strike)
+        rest_deg = self.rested(strike)
+        if self.true is not None:
+            self.wait(max(0.0, struck_s + STOPPED_S - time.monotonic()))
+            rest_deg = self.angle_deg()
         limit, wanted = (
             limit_deg(self.machine, strike, self.true is not None),
             words(strike, self.true is not None),
@@ -152,6 +157,7 @@ class Struck:
             "way_deg": round(way_deg, 3) if judged else None,
             "limit_deg": round(limit, 3) if judged else None,
             "back_s": round(back_s, 2),
+            "begun_anew": self.begun_anew,
             "told": next((text for text in told if wanted in text), "") if wanted else None,
             "rows_lost": int(self.page.tags["trace_rows_lost"])
             - (0 if strike.victim in ("controller", "supervisor") else lost),
@@ -166,48 +172,71 @@ class Struck:
         """True angle, motor side, on a bus; else as the page shows it."""
         if self.true is not None:
             return math.degrees(self.true.ask("truth")["pos_motor_rad"]) / self.machine.axis.ratio
-        self.page.look()
-        return float(self.page.tags["pos_act_deg"])
+        return self.angle_shown_deg()
+
+    def angle_shown_deg(self) -> float:
+        """Angle of the next picture; NaN while it is not known."""
+        shown = self.page.look()["pos_act_deg"]
+        return math.nan if shown is None else float(shown)
 
     def bring_to(self, state: str) -> None:
-        """Power on, at rest, in a jog or in a move at full speed."""
+        """Power on, at rest, in a jog or in a move at full speed; begun anew when an alarm or a lost key ends it.
+
+        `begun_anew` counts that: a virtual drive that gets no processor for some scans stops its axis, as a real one
+        would.
+        """
+        for _ in range(PRESSES):
+            if self._stands() and (state == "at rest" or self._moves(state)):
+                return
+            self.begun_anew += 1
+        raise AssertionError(f"not {state} after {PRESSES} times: {self.page.tags}")
+
+    def _stands(self) -> bool:
+        """Whether it is at rest with power on, alarms reset."""
+        page, self.lease = self.page, ""
         self.ask("take", over=True)
-        page = self.page
-        for _ in range(10):
-            if page.tags["alarm_count"] or page.tags["blocked_by"]:
-                page.until(lambda tags: tags["power_phase"] == "off")
-                if page.tags["reset_locked"]:
-                    self.ask("arm", action="reset_locked")
-                self.ask("reset")
-                page.until(lambda tags: True)
-            if not page.tags["power"]:
-                page.ask("power", on=True)
-            with suppress(AssertionError):
-                end_s = time.monotonic() + 5.0
-                while not page.tags["power"] and time.monotonic() < end_s:
-                    page.look()
-                    page.say("alive")
-            if page.tags["power"]:
-                break
-        page.until(lambda tags: tags["at_rest"] and bool(tags["power"]))
+        if page.tags["alarm_count"] or page.tags["blocked_by"]:
+            page.until(lambda tags: tags["power_phase"] == "off")
+            if page.tags["reset_locked"]:
+                self.ask("arm", action="reset_locked")
+            page.ask("reset")
+            page.look()
+        if not page.tags["power"]:
+            try:
+                self.ask("power", on=True)
+            except AssertionError:
+                return False
+        page.until(lambda tags: bool(tags["at_rest"] and tags["power"]) or self._ended(tags))
+        if self._ended(page.tags):
+            return False
         self.ask("set", tag="speed_setting_deg_s", value=SPEED_DEG_S)
-        self.lease = ""
-        forward = page.tags["pos_act_deg"] < 0.0
+        return True
+
+    @staticmethod
+    def _ended(tags: Mapping[str, Any]) -> bool:
+        return bool(tags["alarm_count"] or tags["blocked_by"])
+
+    def _moves(self, state: str) -> bool:
+        """Whether it came to full speed in a jog, whose key stays held, or in a move."""
+        page = self.page
+        forward = page.tags["pos_ref_deg"] < 0.0
         fast = 0.98 * SPEED_DEG_S
         if state == "jog":
             self.ask("mode", mode="continuous")
-            for _ in range(PRESSES):
-                self.lease = os.urandom(8).hex()
-                self.ask("jog", lease=self.lease, direction="forward" if forward else "reverse")
-                page.until(lambda tags: abs(tags["vel_act_deg_s"]) > 0.02, renew=self.lease)
-                page.until(
-                    lambda tags: tags["at_rest"] or abs(tags["vel_act_deg_s"]) > fast, renew=self.lease
-                )
-                if not page.tags["at_rest"]:
-                    return
-        elif state == "move":
+            self.lease = os.urandom(8).hex()
+            self.ask("jog", lease=self.lease, direction="forward" if forward else "reverse")
+        else:
             self.ask("move", target_deg=60.0 if forward else -60.0)
-            page.until(lambda tags: abs(tags["vel_act_deg_s"]) > fast)
+        began = False
+
+        def over(tags: Mapping[str, Any]) -> bool:
+            nonlocal began
+            vel = abs(tags["vel_act_deg_s"] or 0.0)
+            began = began or vel > 0.02
+            return vel > fast or (began and tags["at_rest"]) or self._ended(tags)
+
+        page.until(over, renew=self.lease)
+        return not self._ended(page.tags) and abs(page.tags["vel_act_deg_s"] or 0.0) > fast
 
     def ask(self, kind: str, **values: Any) -> None:
         """A command; sent again when the picture was too old."""
@@ -259,12 +288,16 @@ class Struck:
         return bool(reply["ok"] and not reply["code"])
 
     def rested(self, strike: Strike) -> float:
-        """Let the key go if it is held, and wait for rest where the strike ends the motion."""
-        goes_on = math.isinf(limit_deg(self.machine, strike, False)) and strike.state == "move"
-        if not goes_on:
+        """Let the key go if it is held, end a move that goes on, and wait for rest; the angle shown before that.
+
+        What a strike ends comes to rest by itself. A move goes on, however long recorder or gateway are away, until it
+        is stopped here: its way of up to 120 deg is longer than anybody waits.
+        """
+        limit = limit_deg(self.machine, strike, self.true is not None)
+        if not (math.isinf(limit) and strike.state == "move"):
             self.page.until(lambda tags: tags["at_rest"] or not tags["power"])
         self.page.ask("stop")
-        at = float(self.page.look()["pos_act_deg"])
+        at = self.angle_shown_deg()
         self.page.until(lambda tags: bool(tags["at_rest"]) or not tags["power"])
         return at
 

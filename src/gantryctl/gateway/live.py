@@ -66,6 +66,8 @@ class Live:
             for task in tasks:
                 task.cancel()
             self._log(client, "disconnected")
+            # Nothing else holds them: one that is still on its way out would be taken apart by the garbage collector.
+            await asyncio.gather(*tasks, return_exceptions=True)
         # The other end may be gone already, or take nothing more.
         if code is not None:
             with contextlib.suppress(RuntimeError, asyncio.TimeoutError, WebSocketDisconnect, OSError):
@@ -98,7 +100,10 @@ class Live:
             # A slow reader loses frames, never a reply: `outgoing` gives the newest frame only.
             for text in client.outgoing():
                 try:
-                    await asyncio.wait_for(socket.send_text(text), _STUCK_S)
+                    # Not `wait_for`: in Python 3.11 it drops a cancellation that comes as the sending ends, and this
+                    # would wait on for news of a client that has left.
+                    async with asyncio.timeout(_STUCK_S):
+                        await socket.send_text(text)
                 except TimeoutError:
                     return TOO_SLOW
                 except (WebSocketDisconnect, RuntimeError, OSError):

@@ -141,6 +141,50 @@ def test_one_user_has_so_many_connections_and_others_have_theirs(access: Access)
     asyncio.run(check())
 
 
+def test_a_connection_that_ends_leaves_no_task_behind(access: Access) -> None:
+    """Whatever was being sent: its end may fall into any turn of the event loop."""
+    cookie = access.sessions.open(access.users.all()["anna"], "here").token
+
+    async def check(turns: int) -> None:
+        taken, ended = asyncio.Event(), asyncio.Event()
+        received, sent = 0, 0
+
+        async def receive() -> Any:
+            nonlocal received
+            received += 1
+            if received > 1:
+                await ended.wait()
+            return {"type": "websocket.connect" if received == 1 else "websocket.disconnect"}
+
+        async def send(_: Any) -> None:
+            nonlocal sent
+            sent += 1
+            if sent == 3:  # after the acceptance and the welcome
+                await taken.wait()
+
+        headers = [(b"cookie", f"{COOKIE}={cookie}".encode()), (b"origin", b"http://127.0.0.1:1")]
+        scope = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
+        before = asyncio.all_tasks()
+        serving = Live(access, access.hub).serve(WebSocket(scope, receive, send))
+        served = asyncio.create_task(serving)
+        while sent < 2:
+            await asyncio.sleep(0)
+        (client,) = access.hub.clients()
+        client.answer({"seq": 1})
+        while sent < 3:
+            await asyncio.sleep(0)
+        ended.set()
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        taken.set()
+        await asyncio.wait([served], timeout=10.0)
+        assert served.done(), f"it does not end when the sending does {turns} turns later"
+        assert asyncio.all_tasks() == before
+
+    for turns in range(8):
+        asyncio.run(check(turns))
+
+
 def test_a_lock_on_this_machine_is_for_the_local_user_who_guessed(
     access: Access, monkeypatch: pytest.MonkeyPatch
 ) -> None:

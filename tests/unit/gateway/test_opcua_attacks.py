@@ -335,6 +335,28 @@ def test_a_session_has_1000_monitored_items_and_8_subscriptions(run: Run) -> Non
     run(check)
 
 
+def test_a_null_list_of_items_is_an_empty_one(run: Run) -> None:
+    """A list without a value has no elements (Part 6, section 5.2.5)."""
+
+    async def check(bench: Bench) -> None:
+        mine = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        _, body = await mine.ask(ua.CreateSubscriptionRequest())
+        number = struct_from_binary(ua.CreateSubscriptionResult, body).SubscriptionId
+        assert await items(mine, number, 1) == "Good"
+        for request in (ua.DeleteMonitoredItemsRequest(), ua.SetMonitoringModeRequest()):
+            request.Parameters.SubscriptionId = number
+            for ids in ([], None):
+                request.Parameters.MonitoredItemIds = ids
+                assert (await mine.ask(request))[0] == "Good"
+        # Nothing was deleted or switched off.
+        mode = ua.SetMonitoringModeRequest()
+        mode.Parameters.SubscriptionId, mode.Parameters.MonitoringMode = number, ua.MonitoringMode.Reporting
+        mode.Parameters.MonitoredItemIds = [1]
+        assert (await mine.ask(mode))[0] == "Good"
+
+    run(check)
+
+
 async def items(wire: Wire, subscription: int, count: int) -> str:
     request = ua.CreateMonitoredItemsRequest()
     request.Parameters.SubscriptionId = subscription

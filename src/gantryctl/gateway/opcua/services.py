@@ -91,10 +91,15 @@ def _list(parameters: Any, name: str, most: int) -> Rule:
     return rule
 
 
-def _of_one(parameters: Any) -> Rule:
+def _of_one(parameters: Any, name: str = "") -> Rule:
+    """Of one subscription of its own; `name` is that of its list, if the request has one."""
+
     def rule(held: Holdings, body: Bounded) -> Buffer:
-        held.must_own(struct_from_binary(parameters, body.copy()).SubscriptionId)
-        return body
+        found = struct_from_binary(parameters, body)
+        held.must_own(found.SubscriptionId)
+        if name:
+            _with_list(found, name)
+        return Buffer(struct_to_binary(found))
 
     return rule
 
@@ -176,8 +181,12 @@ READING: Final[dict[int, Rule]] = {
     _IDS.SetPublishingModeRequest_Encoding_DefaultBinary: _of_many(ua.SetPublishingModeParameters),
     _IDS.CreateMonitoredItemsRequest_Encoding_DefaultBinary: _monitor,
     _IDS.ModifyMonitoredItemsRequest_Encoding_DefaultBinary: _modify,
-    _IDS.DeleteMonitoredItemsRequest_Encoding_DefaultBinary: _of_one(ua.DeleteMonitoredItemsParameters),
-    _IDS.SetMonitoringModeRequest_Encoding_DefaultBinary: _of_one(ua.SetMonitoringModeParameters),
+    _IDS.DeleteMonitoredItemsRequest_Encoding_DefaultBinary: _of_one(
+        ua.DeleteMonitoredItemsParameters, "MonitoredItemIds"
+    ),
+    _IDS.SetMonitoringModeRequest_Encoding_DefaultBinary: _of_one(
+        ua.SetMonitoringModeParameters, "MonitoredItemIds"
+    ),
     _IDS.PublishRequest_Encoding_DefaultBinary: _publish,
     _IDS.RepublishRequest_Encoding_DefaultBinary: _of_one(ua.RepublishParameters),
 }
