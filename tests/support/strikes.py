@@ -128,7 +128,9 @@ class Struck:
         struck_s = time.monotonic()
         if strike.frozen_s != KILL:
             self.wait(strike.frozen_s)
-            with suppress(ProcessLookupError):  # so late that the supervisor took it for hung: the journal tells it
+            with suppress(
+                ProcessLookupError
+            ):  # so late that the supervisor took it for hung: the journal tells it
                 os.kill(pid, signal.SIGCONT)
             struck_s = time.monotonic()
         back_s = self.back(strike, struck_s)

@@ -137,8 +137,10 @@ def kills(directory: Path, count: int) -> dict[str, object]:
         started = memory.events[2].done
         until_s = time.monotonic() + 30.0
         while memory.events[2].done == started and time.monotonic() < until_s:
-            written += 1
-            assert log.put("command", f"event {written} " + "x" * 200)
+            # A busy computer takes longer to start a process than the ring has room for.
+            if len(memory.events[2]) < memory.events[2].slots // 2:
+                written += 1
+                assert log.put("command", f"event {written} " + "x" * 200)
             time.sleep(0.002)
         for _ in range(chance.randrange(40)):
             written += 1
