@@ -21,6 +21,11 @@ DriveVelocityUnit: TypeAlias = Literal[
 """Unit in which a drive on a bus counts speed; `drives.od.velocity_units` has the size of each."""
 
 
+def behind(unit: str) -> str:
+    """What stands behind a number that people read: " N m", and nothing where tables of units have "-" or nothing."""
+    return "" if unit in ("", "-") else f" {unit}"
+
+
 def within_turn(angle: float, low: float, turn: float) -> float:
     """An angle of an axis that turns without end, as people read it: from `low` on within a turn, all in one unit.
 

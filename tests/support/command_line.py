@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +13,9 @@ from gantryctl.cli.main import run
 from gantryctl.machine import default_machine, with_values
 from gantryctl.machine.effective import to_toml
 from gantryctl.operation.store import StateStore
+
+# "35.71 of 40 -", where a table of limits has no unit; "125.892541 us", more digits than anybody measures.
+ODD_UNITS = re.compile(r"\d of [\d.]+ -(?!\w)|\b\d+\.\d{6,} (?:us|ms)\b|\d (?:-|None)(?=[.,;)])")
 
 
 class Answer(NamedTuple):
@@ -41,6 +45,7 @@ def cli(*arguments: object, out: io.StringIO | None = None) -> Answer:
     assert "Traceback" not in said, said
     assert "internal:" not in said, said
     assert code in (0, 1, 2, 3, 4)
+    assert not ODD_UNITS.search(said), ODD_UNITS.search(said)
     return Answer(code, out.getvalue(), err.getvalue())
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.drafting import check_name, drafted, gears_option, motor_option, report, write_new
+from gantryctl.cli.editing import check_whole, set_value
 from gantryctl.cli.options import json_option, print_json
 from gantryctl.cli.values import INPUT, PATH, Whole
 
@@ -20,7 +21,10 @@ DEFAULT_DEST = "machine.toml"
 
 @click.group()
 def config() -> None:
-    """Write, check, show and compare machine files."""
+    """Write, check, show, change and compare machine files."""
+
+
+config.add_command(set_value)
 
 
 @config.command()
@@ -181,15 +185,13 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
 
     Fields, rules between keys, calibration, and the quick stop on the full plant: what is ok here, `move` takes.
     """
-    from gantryctl.engineering.stops import check_quick_stop
     from gantryctl.errors import ConfigError
     from gantryctl.machine import RULES, load_machine, origins, short_hash
 
     path = _chosen(file, option)
     try:
         machine = load_machine(path)
-        _check_calibration(machine)
-        check_quick_stop(machine)
+        check_whole(machine)
     except ConfigError as error:
         if as_json:
             print_json({"file": str(path), "ok": False, "problems": error.problems})
@@ -206,15 +208,6 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
         f"{path}: ok: {machine.name}, {len(origin) - origin.count('default')} keys given{guesses}, "
         f"{origin.count('default')} by default, {len(RULES)} rules between keys, hash {short_hash(machine)}"
     )
-
-
-def _check_calibration(machine: Machine) -> None:
-    """Refuse compensations without a calibration, or with that of another machine."""
-    # Numbers come from a calibration file only, never from [plant] (decision 0010).
-    if machine.control.compensation.any_active:
-        from gantryctl.wiring.compensation import compensation
-
-        compensation(machine)
 
 
 @config.command()

@@ -50,6 +50,7 @@ GROUPS: Final = {
         "reset": Entry("axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
         "encoder": Entry("axis.encoder", "encoder", "The absolute reference: show, set-zero."),
         "retain": Entry("axis.state", "retain", "The controller's retained memory: show."),
+        "state": Entry("computer.state", "state", "Where the state of a machine lies: show, remove."),
         "sim": Entry("axis.state", "sim", "The simulated machine: reset."),
         "trace": Entry("trace", "trace", "Recordings: list, show, plot, compare, export."),
     },
@@ -61,7 +62,7 @@ GROUPS: Final = {
             "Size motors for a requirement sheet; write a sheet, limits, a machine.",
         ),
         "config": Entry(
-            "config", "config", "Machine files: init, check, show, schema, diff; export all settings."
+            "config", "config", "Machine files: init, check, show, set, schema, diff; export all settings."
         ),
         "eds": Entry("drive.eds", "eds", "EDS and DCF files of drives: check."),
     },

@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 from gantryctl.machine.reading import printable
 from gantryctl.machine.tables.fields import BESIDE, SOURCE, Table, unit_of
 from gantryctl.machine.tables.model import Machine
+from gantryctl.units import behind
 
 Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers", "texts", "pairs"]
 Value: TypeAlias = "float | int | bool | str | tuple[float, ...] | tuple[str, ...]"
@@ -79,7 +80,7 @@ class FieldSpec:
     @property
     def unit_text(self) -> str:
         """The unit as a suffix, empty for a pure number."""
-        return "" if self.unit == "-" else f" {self.unit}"
+        return behind(self.unit)
 
 
 @functools.cache

@@ -79,6 +79,7 @@ RUNS: dict[str, list[str]] = {
     "encoder show": ["encoder", "show"],
     "encoder set-zero": ["encoder", "set-zero", "--angle", "3", "--witness", "mark"],
     "retain show": ["retain", "show"],
+    "state show": ["state", "show"],
     "sim reset": ["sim", "reset"],
     "stops": ["stops", "--speed", "1"],
     "stops --find-quick": ["stops", "--find-quick"],
@@ -171,7 +172,16 @@ def journal() -> None:
     [pytest.param(run, marks=[pytest.mark.can] if RUNS[run][-1] == str(CAN) else []) for run in RUNS],
 )
 def test_the_keys_are_those_of_the_page(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if command.split(maxsplit=1)[0] in ("status", "alarms", "reset", "retain", "trace", "config", "why"):
+    if command.split(maxsplit=1)[0] in (
+        "status",
+        "alarms",
+        "reset",
+        "retain",
+        "state",
+        "trace",
+        "config",
+        "why",
+    ):
         prepare()
     Path("table.csv").write_text(
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"

@@ -79,7 +79,7 @@ def watch_service(machine: Machine, *, as_json: bool) -> None:
 
 def service_rows(tags: Tags) -> list[tuple[str, str]]:
     """Name and value of what only a running axis has, for a terminal."""
-    lateness = f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"
+    lateness = _lateness_words(tags)
     return [
         ("speed", "not known" if tags["vel_act_deg_s"] is None else f"{tags['vel_act_deg_s']:.3f} deg/s"),
         ("power", _power_words(tags)),
@@ -89,6 +89,12 @@ def service_rows(tags: Tags) -> list[tuple[str, str]]:
         ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
         ("configuration", tags["config_hash"]),
     ]
+
+
+def _lateness_words(tags: Tags) -> str:
+    late_us = tags.get("scan_lateness_p99_us")
+    late = "not known" if late_us is None else f"p99 {late_us:.0f} us"
+    return f"lateness {late}, {tags.get('scan_overruns')} overruns"
 
 
 def _power_words(tags: Tags) -> str:

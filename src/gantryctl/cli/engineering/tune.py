@@ -25,6 +25,7 @@ from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import check_lasting
 from gantryctl.extras import need
+from gantryctl.units import behind
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -188,7 +189,7 @@ def _show_on_bus(session: TuningSession, folder: Path) -> None:
             else f"{check.wanted:.4g} +-{100.0 * check.allowed:.0f} %"
         )
         verdict = "pass" if check.passed else "FAIL"
-        click.echo(f"{verdict}  {check.name}: {check.measured:.4g} {check.unit} ({told})")
+        click.echo(f"{verdict}  {check.name}: {check.measured:.4g}{behind(check.unit)} ({told})")
 
 
 def _criteria(base_um: float) -> Criteria:

@@ -11,6 +11,7 @@ from gantryctl.engineering.sizing.duty import Duty, duty
 from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.engineering.sizing.train import Train
+from gantryctl.units import behind
 
 
 class Check(NamedTuple):
@@ -39,7 +40,7 @@ class Check(NamedTuple):
     @property
     def sentence(self) -> str:
         """Need against limit, for a table of what does not fit."""
-        unit = "" if self.unit == "-" else f" {self.unit}"
+        unit = behind(self.unit)
         return f"{self.name}: {self.used:.4g}{unit} needed ({self.how}), {self.limit:.4g}{unit} given"
 
 

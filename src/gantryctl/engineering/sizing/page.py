@@ -11,6 +11,7 @@ from gantryctl.engineering.report.recording import recorded
 from gantryctl.engineering.sizing import text
 from gantryctl.engineering.sizing.checks import Check, Fit
 from gantryctl.engineering.sizing.train import over_angle
+from gantryctl.units import behind
 
 
 def render_sizing(shown: Fit, fits: Sequence[Fit], made: Made) -> str:
@@ -57,7 +58,7 @@ def render_sizing(shown: Fit, fits: Sequence[Fit], made: Made) -> str:
 
 
 def _required(check: Check) -> Required:
-    unit = "" if check.unit == "-" else f" {check.unit}"
+    unit = behind(check.unit)
     return Required(
         f"{check.name} ({check.how})",
         f"at most {check.limit:.4g}{unit}",

@@ -11,7 +11,7 @@ from gantryctl.engineering.sizing.loading import is_reference_sheet
 from gantryctl.engineering.sizing.paper_figures import printed_acceleration_rad_s2, printed_torque_nm
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.engineering.sizing.train import over_angle
-from gantryctl.units import deg
+from gantryctl.units import behind, deg
 
 
 def first_table(sheet: Sheet) -> TextTable:
@@ -157,7 +157,7 @@ def sentences(shown: Fit, fits: Sequence[Fit]) -> list[str]:
             tightest = fitted.tightest
             found.append(
                 f"{fitted.motor.name} fits; the tightest is {tightest.name}: {tightest.used:.4g} of "
-                f"{tightest.limit:.4g} {tightest.unit}."
+                f"{tightest.limit:.4g}{behind(tightest.unit)}."
             )
         else:
             found.append(f"{fitted.motor.name} does not fit: {'; '.join(fitted.reasons)}.")

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from gantryctl.engineering.tuning.bench import Bench
 from gantryctl.engineering.tuning.gains import POOR, Gains
 from gantryctl.errors import UsageError
+from gantryctl.units import behind
 
 # A quarter up until the criterion breaks, then halved steps: the edge is known within 2 %.
 _GROWTH: Final = 1.25
@@ -200,9 +201,9 @@ def _raised(phase: _Phase, gains: Gains, log: list[Trial]) -> Gains:
         last = log[-1]
         why = f"; {last.note}" if last.note else ""
         raise UsageError(
-            f"the axis does not bear the starting value: {last.phase} = {last.value:.4g} {last.unit} gives "
-            f"{last.measured:.3g} {last.measured_unit}, permitted {last.limit:.3g}{why}; start with poorer gains or "
-            "permit more"
+            f"the axis does not bear the starting value: {last.phase} = {last.value:.4g}{behind(last.unit)} gives "
+            f"{last.measured:.3g}{behind(last.measured_unit)}, permitted {last.limit:.3g}{why}; start with "
+            "poorer gains or permit more"
         )
     for _ in range(_MOST_TRIALS):
         bad = good * _GROWTH

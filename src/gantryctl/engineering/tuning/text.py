@@ -11,6 +11,7 @@ from gantryctl.engineering.tuning.gains import PAPER, Gains
 from gantryctl.engineering.tuning.judge import GainsVerdict
 from gantryctl.engineering.tuning.procedure import PHASES, Tuned
 from gantryctl.engineering.tuning.result import WITHIN, Candidate, Tuning, differences
+from gantryctl.units import behind
 
 _CHOICES = (
     "The stop criteria are choices made with the paper's gains in sight; with neighbouring ones Tvi and Kpp leave the "
@@ -44,7 +45,7 @@ def _end(tuned: Tuned) -> str:
         stop = next((trial for trial in reversed(trials) if not trial.kept), None)
         kept = [trial for trial in trials if trial.kept][-1]
         why = f"{stop.note or f'{stop.measured:.3g} {stop.measured_unit}'}" if stop else "its end"
-        parts.append(f"{phase} {kept.value:.4g} {kept.unit} (stopped by {why})")
+        parts.append(f"{phase} {kept.value:.4g}{behind(kept.unit)} (stopped by {why})")
     return f"{len(tuned.log)} trials: {', '.join(parts)}."
 
 
@@ -165,7 +166,7 @@ def log_table(tuned: Tuned) -> TextTable:
     rows = tuple(
         (
             trial.phase,
-            f"{trial.value:.4g} {trial.unit}",
+            f"{trial.value:.4g}{behind(trial.unit)}",
             f"{trial.measured:.3g}",
             f"{trial.limit:.3g} {trial.measured_unit}",
             "kept" if trial.kept else "too much",

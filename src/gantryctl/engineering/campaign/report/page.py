@@ -11,6 +11,7 @@ from gantryctl.engineering.campaign.statistics import Population
 from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
 from gantryctl.engineering.report.page import Section, render_sections
 from gantryctl.engineering.report.recording import ShownFigure, still
+from gantryctl.units import behind
 
 # More tiles than fit in a row say less.
 _TILES_MOST: Final = 5
@@ -57,7 +58,8 @@ def _required(result: str, found: Population) -> list[Required]:
     return [
         Required(
             " ".join(filter(None, (result, figure.column))),
-            f"{', '.join(f'{each.limit:g}' for each in figure.passing)} {found.head.outputs[figure.column].unit}",
+            ", ".join(f"{each.limit:g}" for each in figure.passing)
+            + behind(found.head.outputs[figure.column].unit),
             f"kept by {', '.join(percent(each.probability) for each in figure.passing)} of {figure.plants} plants",
             Judged.OPEN,
         )
@@ -83,7 +85,7 @@ def _tiles(found: Population) -> list[tuple[str, str, str]]:
         low, middle, high = (
             f"{each.value:.{output.digits}f}" for each in figure.quantiles if each.part in (0.05, 0.5, 0.95)
         )
-        unit = "" if output.unit == "-" else f" {output.unit}"
+        unit = behind(output.unit)
         made.append((f"{middle}{unit}", f"median of {figure.column}", f"{low} .. {high} in 90 % of plants"))
     return made
 

@@ -11,6 +11,7 @@ from gantryctl.engineering.campaign.statistics import (
     Population,
 )
 from gantryctl.engineering.report.text import TextTable
+from gantryctl.units import behind
 
 
 def tables(populations: Sequence[tuple[str, Population]]) -> list[TextTable]:
@@ -61,12 +62,12 @@ def _passing_table(populations: Sequence[tuple[str, Population]]) -> TextTable:
     rows = []
     for name, found in populations:
         for figure in found.figures:
-            unit = found.head.outputs[figure.column].unit
+            unit = behind(found.head.outputs[figure.column].unit)
             rows += [
                 (
                     *_places(name),
                     figure.column,
-                    f"{each.limit:g} {unit}",
+                    f"{each.limit:g}{unit}",
                     percent(each.probability),
                     f"{percent(each.low)} .. {percent(each.high)}",
                 )

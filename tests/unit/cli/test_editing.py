@@ -1,0 +1,97 @@
+"""`gantryctl config set`: one value changed as by hand, and the file stays whole; or nothing at all is changed."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from gantryctl.machine import default_machine, field_specs, load_machine, origins, show_value
+from gantryctl.machine.specs import value_at
+from support.command_line import cli, done, refused
+
+
+@pytest.fixture
+def file() -> Path:
+    done("config", "init", "my.toml")
+    return Path("my.toml")
+
+
+def changed_lines(before: str, after: str) -> list[tuple[str, str]]:
+    return [pair for pair in zip(before.splitlines(), after.splitlines(), strict=True) if pair[0] != pair[1]]
+
+
+def test_one_line_changes_and_its_comment_stays(file: Path) -> None:
+    before = file.read_text(encoding="utf-8")
+    answer = done("config", "set", "control.kpp_per_s", "2.5", "--config", file)
+    assert "-> 2.5" in answer.out
+    ((old, new),) = changed_lines(before, file.read_text(encoding="utf-8"))
+    assert old.partition("#")[2] == new.partition("#")[2] != ""
+    assert load_machine(file).control.kpp_per_s == 2.5
+
+
+def test_a_key_that_is_not_there_comes_to_the_end_of_its_table_and_a_table_to_the_end_of_the_file(
+    file: Path,
+) -> None:
+    text, machine = file.read_text(encoding="utf-8"), load_machine(file)
+    absent = [
+        path
+        for path, origin in origins(machine).items()
+        if origin == "default" and field_specs()[path].kind in ("number", "integer")
+    ]
+    tables = [path for path in absent if f"\n[{field_specs()[path].table}]" not in text]
+    keys = [path for path in absent if path not in tables]
+    for path in (*keys[:2], *tables[:1]):
+        value = show_value(value_at(machine, path), None)
+        done("config", "set", path, value, "--config", file)
+        assert tomllib.loads(file.read_text(encoding="utf-8"))
+        assert origins(load_machine(file))[path] != "default"
+    assert load_machine(file).name == "my"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        ("control.kvff", "2.5", "did you mean control.kvf"),
+        ("control.kpp_per_s", "-1", "[control] kpp_per_s"),
+        ("control.kpp_per_s", "fast", "not a number"),
+        ("control.kpp_per_s", "1_0", "not a number"),
+        ("control.kpp_per_s", "٣", "not a number"),
+        ("control.kpp_per_s", "nan", "not a number"),
+        ("control.kpp_per_s", "2.5\n[x]", "not a number"),
+        ("drive.kind", "steam", "[drive] kind"),
+        # a rule between keys, and the quick stop on the full plant
+        ("speed.setting_min_deg_s", "7.0", "setting_min_deg_s"),
+    ],
+)
+def test_what_makes_no_machine_is_refused_and_changes_nothing(
+    file: Path, key: str, value: str, named: str
+) -> None:
+    before = file.read_bytes()
+    assert named in cli("config", "set", "--config", file, "--", key, value).err
+    assert file.read_bytes() == before
+    assert [path.name for path in Path().iterdir()] == ["my.toml"]
+
+
+def test_a_form_that_only_an_editor_can_change_is_told(file: Path) -> None:
+    text = file.read_text(encoding="utf-8").replace("\n[control]\n", "\n[ control ]  # gains\n")
+    file.write_text(text.replace("kpp_per_s = ", '"kpp_per_s" = '), encoding="utf-8")
+    before = file.read_bytes()
+    assert "only an editor" in refused("config", "set", "control.kpp_per_s", "2.5", "--config", file)
+    assert file.read_bytes() == before
+    # and one that is only written otherwise is changed
+    done("config", "set", "control.kvf", "0.9", "--config", file)
+    assert load_machine(file).control.kvf == 0.9
+
+
+def test_the_delivered_machine_is_not_changed() -> None:
+    assert "config init" in refused("config", "set", "control.kvf", "0.9")
+    assert default_machine().control.kvf == 1.0
+
+
+def test_windows_line_ends_stay(file: Path) -> None:
+    file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
+    done("config", "set", "control.kvf", "0.9", "--config", file)
+    data = file.read_bytes()
+    assert data.count(b"\n") == data.count(b"\r\n")
