@@ -453,6 +453,7 @@ export const WORDS: Record<string, string> = {
   TOO_MANY_CONNECTIONS: "连接过多",
   NO_COMMANDS_NOW: "控制器现在不接受命令",
   NO_JOURNAL: "日志现在无法保存事件：不能启动新运动",
+  NOTE_NOT_KEPT: "日志现在无法保存事件：该行未写入",
   NO_ANSWER: "控制器没有应答",
   HAS_CONTROL: "控制权在 {user}",
   TAKE_CONTROL_FIRST: "请先取得控制权",

@@ -1,5 +1,8 @@
 // English texts; zh.ts has the same keys, the compiler sees to it.
+import { en as scope } from './scope/en';
+
 export const en = {
+  ...scope,
   // areas and frame
   areas: 'Areas',
   display: 'Display',
@@ -377,6 +380,7 @@ export const en = {
   action_set_increment: 'increment',
   action_set_override: 'override',
   action_set_acceleration: 'acceleration',
+  action_note: 'shift log',
   action_brake_test: 'brake test',
   action_reset_locked: 'reset locked alarms',
   action_traces: 'recordings',

@@ -30,6 +30,8 @@ class Link {
   refused: (reply: Reply) => void = () => {};
   /** Called with every status and every tick. */
   watch: () => void = () => {};
+  /** Called with every status that is fresh. */
+  readonly heard = new Set<() => void>();
   /** Called with every status, after its values are in force. */
   framed: () => void = () => {};
 
@@ -162,6 +164,7 @@ class Link {
     if (status.fresh && late_ms < this.#limit_ms()) {
       this.#freshAt = now - late_ms;
       this.history.add(this.tags);
+      this.heard.forEach((hear) => hear());
     }
     this.#judge();
     // At once with a fresh frame: the controller measures the round trip by it, and takes no old ones.

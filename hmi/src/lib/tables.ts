@@ -337,7 +337,7 @@ export interface Tags {
 }
 
 export type Role = 'viewer' | 'operator' | 'physicist' | 'service' | 'admin';
-export type Action = 'view' | 'stop' | 'quick_stop' | 'authority' | 'take_over' | 'power' | 'mode' | 'jog' | 'move' | 'halt' | 'reset' | 'acknowledge' | 'set_speed' | 'set_increment' | 'set_override' | 'set_acceleration' | 'brake_test' | 'reset_locked' | 'traces' | 'journal' | 'users';
+export type Action = 'view' | 'stop' | 'quick_stop' | 'authority' | 'take_over' | 'power' | 'mode' | 'jog' | 'move' | 'halt' | 'reset' | 'acknowledge' | 'set_speed' | 'set_increment' | 'set_override' | 'set_acceleration' | 'note' | 'brake_test' | 'reset_locked' | 'traces' | 'journal' | 'users';
 
 /** Who may do what, and whether it needs the control authority. */
 export const ROLES: Role[] = ["viewer", "operator", "physicist", "service", "admin"];
@@ -358,6 +358,7 @@ export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boo
   { action: 'set_increment', what: "increment setting", roles: ["operator", "physicist", "service"], control: true },
   { action: 'set_override', what: "speed override", roles: ["operator", "physicist", "service"], control: true },
   { action: 'set_acceleration', what: "acceleration setting, up to that of the machine file", roles: ["physicist", "service"], control: true },
+  { action: 'note', what: "write into the shift log", roles: ["operator", "physicist", "service"], control: false },
   { action: 'brake_test', what: "brake test", roles: ["physicist", "service"], control: true },
   { action: 'reset_locked', what: "reset alarms that are locked", roles: ["service"], control: true },
   { action: 'traces', what: "list and download recordings", roles: ["operator", "physicist", "service"], control: false },
@@ -386,7 +387,8 @@ export interface Commands {
   brake_test: Record<string, never>;
   stop: Record<string, never>;
   take: { over: boolean };
+  note: { line: string };
 }
 
 /** Never too late: sent without an epoch. */
-export const WITHOUT_EPOCH = new Set<keyof Commands>(["alive", "quick_stop", "release", "stop"]);
+export const WITHOUT_EPOCH = new Set<keyof Commands>(["alive", "quick_stop", "release", "stop", "note"]);

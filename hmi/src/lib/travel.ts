@@ -21,7 +21,7 @@ export const high = (tags: Known): number => tags.pos_max_deg ?? 180;
 export const within = (tags: Known): boolean => begin(tags) !== null;
 
 /** Where the turn begins that angles are read in; null where they are read as they are. */
-function begin(tags: Known): number | null {
+export function begin(tags: Known): number | null {
   if (modulo(tags)) return low(tags);
   return tags.display === '0..360' ? 0 : null;
 }

@@ -1,7 +1,9 @@
 // 中文文本；键与 en.ts 相同，由编译器检查。
 import type { Key } from './en';
+import { zh as scope } from './scope/zh';
 
 export const zh: Record<Key, string> = {
+  ...scope,
   areas: '区域',
   display: '显示',
   operation: '操作',
@@ -367,6 +369,7 @@ export const zh: Record<Key, string> = {
   action_set_increment: '增量设定',
   action_set_override: '速度倍率',
   action_set_acceleration: '加速度设定，不超过机器文件',
+  action_note: '值班记录',
   action_brake_test: '制动器测试',
   action_reset_locked: '复位锁定的报警',
   action_traces: '列出和下载记录',

@@ -6,7 +6,26 @@ export interface Line {
   dashes: number[];
   width: number;
   x: number[];
-  y: number[];
+  y: (number | null)[];
+  /** Of a channel of the scope: a scale of its own. Null in its values is a gap. */
+  own?: Scale;
+}
+export interface Scale {
+  unit: string;
+  /** As set; null for what the values need. */
+  range: [number, number] | null;
+  /** A flag or state: it keeps its value until the next sample. */
+  steps: boolean;
+  /** Where the turn begins that it is read in; null for any other number. */
+  begin: number | null;
+  /** Words of a state by its number. */
+  labels: readonly string[];
+}
+/** A moment with a word. */
+export interface Mark {
+  x: number;
+  label: string;
+  colour: string;
 }
 export interface Panel {
   title: string;
@@ -17,6 +36,9 @@ export interface Panel {
   yBegin: number | null;
   limits: number[];
   lines: Line[];
+  marks?: Mark[];
+  /** Index of the line with a scale of its own that stands at the side. */
+  side?: number;
 }
 export interface Recording {
   columns: number;

@@ -17,7 +17,7 @@ from support.browser import SIZE, address, enter, person_key, ready_to_jog
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher
 
-AREAS = ["display", "operation", "settings", "alarms", "diagnosis"]
+AREAS = ["display", "operation", "settings", "alarms", "diagnosis", "scope"]
 
 
 def number(text: str) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import time
 from itertools import starmap
 from typing import Any, Final, NamedTuple
 
@@ -42,12 +43,15 @@ class Samples:
 
         Args:
             first: number of a row, counted from the start of the service; one that is not there yet stands for the
-                next that comes. limit: of rows; no more than `ROWS_MAX` are read.
+                    next that comes.
+            limit: of rows; no more than `ROWS_MAX` are read.
 
         Returns:
             `from` and `next`, numbers of the first row and of the one after the last; `newest`, that of the one that
-            comes next; `period_s` of the scan, None before the first start of the controller; `tags`, the values by
-            tag, null for an unknown one, `time_s` and the tags that a recording has as columns.
+            comes next; `newest_s`, nominal time of the row before it, None where it is none, and `utc_s`, the wall
+            clock then: together they say when a row was; `period_s` of the scan, None before the first start of the
+            controller; `tags`, the values by tag, null for an unknown one, `time_s` and the tags that a recording has
+            as columns.
         """
         about = self._columns.read()
         described: dict[str, Any] = json.loads(about) if about else {"columns": [], "metadata": {}}
@@ -56,15 +60,19 @@ class Samples:
             for at, name in enumerate(described["columns"], _HEAD)
             if in_degrees(name) in BY_NAME
         }
+        newest, (_, last), utc_s = self._ring.written, self._ring.look(self._ring.written - 1, 1), time.time()
         begin, records = self._ring.look(first, min(limit, ROWS_MAX))
         row = struct.Struct(f"<{len(described['columns']) + _HEAD}d")
         # Others mark the end of a recording, or were written by a controller with other columns.
         rows = [row.unpack(record) for record in records if record is not None and len(record) == row.size]
+        ends = [row.unpack(record) for record in last if record is not None and len(record) == row.size]
         return {
             "period_s": described["metadata"].get("period_s"),
             "from": begin,
             "next": begin + len(records),
-            "newest": self._ring.written,
+            "newest": newest,
+            "newest_s": round(ends[0][_HEAD], _DECIMALS) if ends else None,
+            "utc_s": utc_s,
             "tags": {
                 name: list(starmap(_value, ((each[at], factor) for each in rows)))
                 for name, (at, factor) in columns.items()
