@@ -258,6 +258,10 @@ class Axis:
         """Mark an alarm as seen: `id` of its row."""
         self._ask("acknowledge", id=alarm_id)
 
+    def note(self, line: str) -> None:
+        """Write a line into the shift log: 120 characters at most; it is in the journal when this returns."""
+        self._ask("note", line=line)
+
     def arm(self, action: Armable) -> None:
         """Take the first of two steps; the second follows within 10 s."""
         self._ask("arm", action=action)

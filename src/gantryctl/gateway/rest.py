@@ -27,13 +27,17 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.samples import ANSWERS_PER_S, ROWS_MAX, Samples
 from gantryctl.service.protocol.limits import RateLimiter
-from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.messages import NOTE, Identity
 from gantryctl.service.protocol.roles import Action
 from gantryctl.service.protocol.tags import TAGS
 from gantryctl.service.recorder.journal.reading import read_journal
 
 # Lines of one answer; a client asks again from the last number.
 JOURNAL_MAX: Final = 10_000
+# Lines of the shift log in one answer. Where there are fewer the whole journal is read for them, so not more often than
+# this for all together.
+NOTES_MAX: Final = 50
+NOTES_PER_S: Final = 4.0
 _JOURNAL_QUERY: Final = (("from", 0), ("limit", 1000))
 _SAMPLES_QUERY: Final = (("from", NUMBER_MAX), ("limit", ROWS_MAX))
 Handler = Callable[[Request], Awaitable[Response]]
@@ -45,6 +49,7 @@ class Rest:
     def __init__(self, access: Access, hub: Hub, samples: Samples) -> None:
         self._access, self._hub, self._scans = access, hub, samples
         self._scopes = RateLimiter(ANSWERS_PER_S, now=hub.now)
+        self._notes_asked = RateLimiter(NOTES_PER_S, now=hub.now)
         self._directory = access.settings.directory
         self._files = Traces(self._directory / "traces")
         self._described = openapi()
@@ -135,6 +140,25 @@ class Rest:
         self._log(request, f"journal was read from {after}")
         lines = [json.dumps({"seq": row.seq, **row.values, "hash": row.hash}) + "\n" for row in rows]
         return Response("".join(lines), media_type="application/jsonl")
+
+    async def _notes(self, _: Request) -> Response:
+        if self._notes_asked.wait_s() > 0.0:
+            return error(429, refusal(Code.SEC_06, reason=Words.TOO_MANY_REQUESTS), retry_after="1")
+        try:
+            rows = await asyncio.to_thread(
+                read_journal, self._directory, limit=NOTES_MAX, newest=True, kind=NOTE
+            )
+        except GantryctlError as fault:
+            return error(503, refusal(Code.JRN_02, reason=str(fault)))
+        told = [{"seq": row.seq, **{key: row.values[key] for key in ("utc", "user", "text")}} for row in rows]
+        return JSONResponse(told[::-1])
+
+    async def _people(self, _: Request) -> Response:
+        who = sorted(
+            (client.who for client in self._hub.clients()), key=lambda each: (each.user, each.client)
+        )
+        keys = ("client", "user", "person", "role", "place")
+        return JSONResponse([{key: str(getattr(each, key)) for key in keys} for each in who])
 
     async def _health(self, _: Request) -> Response:
         return JSONResponse({"controller": "ok" if self._hub.fresh else "silent"})

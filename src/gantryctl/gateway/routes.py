@@ -89,6 +89,14 @@ ROUTES: Final = (
         media="application/jsonl", schema=_LINES,
     ),
     RouteEntry(
+        "GET", "/notes", "notes", Action.VIEW, "Newest lines of the shift log, newest first.",
+        {200: "lines", 503: "the journal cannot be read", **_LOG_IN}, schema=list_of("Note"),
+    ),
+    RouteEntry(
+        "GET", "/people", "people", Action.VIEW, "Who has the page open now.", {200: "people", **_LOG_IN},
+        schema=list_of("Visitor"),
+    ),
+    RouteEntry(
         "GET", "/health", "health", None, "Whether the controller is alive.", {200: "ok or silent"},
         schema=refer("Health"),
     ),

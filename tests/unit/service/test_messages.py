@@ -30,7 +30,7 @@ WHOLE: dict[str, dict[str, Any]] = {
     "renew": {"lease": LEASE}, "release": {"lease": LEASE}, "increment": {"direction": "reverse"},
     "move": {"target_deg": 90}, "move_by": {"distance_deg": 1.5},
     "acknowledge": {"id": 7}, "set": {"tag": "override_percent", "value": 40},
-    "arm": {"action": "brake_test"},
+    "arm": {"action": "brake_test"}, "note": {"line": "门已修好 \U0001f527"},
 }  # fmt: skip
 
 
@@ -74,6 +74,7 @@ WRONG: dict[str, list[Any]] = {
     "mode": ["NONE", 0, None],
     "tag": ["mode", "pos_act_deg", None],
     "action": ["power", "view", None],
+    "line": ["", "x" * 121, "two\nlines", "\u2028", "\x1b[2J", "\ud800", 1, None],
 }
 
 

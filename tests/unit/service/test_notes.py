@@ -1,4 +1,4 @@
-"""The shift log: whoever may write has his line in the journal under his name, whole, or is told that it is not kept."""
+"""The shift log: a line is in the journal under its writer's name, whole, or its writer is told that it is not kept."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gantryctl.service.recorder.journal.writer import Batch, Journal
 from support.service_bench import Bench
 
 # The longest that there are, by their bytes: four of UTF-8, and two in JSON.
-LONGEST = ("x" * NOTE_MAX, "\U0001f527" * NOTE_MAX, "门" * NOTE_MAX, "\"\\" * (NOTE_MAX // 2))
+LONGEST = ("x" * NOTE_MAX, "\U0001f527" * NOTE_MAX, "门" * NOTE_MAX, '"\\' * (NOTE_MAX // 2))
 
 
 @pytest.mark.parametrize("text", LONGEST)
@@ -53,8 +53,18 @@ def test_lines_are_found_among_all_events_the_newest_first_kept(tmp_path: Path) 
     journal = Journal(tmp_path)
     for number in range(1, 7):
         kind = NOTE if number % 2 else "command"
-        event = {"utc": "", "monotonic_ns": 0, "kind": kind, "user": "", "role": "", "client": "", "place": ""}
-        journal.append_all(1, [Batch(0, number, [json.dumps({**event, "text": f"{number}", "values": {}}).encode()])])
+        event = {
+            "utc": "",
+            "monotonic_ns": 0,
+            "kind": kind,
+            "user": "",
+            "role": "",
+            "client": "",
+            "place": "",
+        }
+        journal.append_all(
+            1, [Batch(0, number, [json.dumps({**event, "text": f"{number}", "values": {}}).encode()])]
+        )
     journal.close()
     found = [entry.values["text"] for entry in read_journal(tmp_path, limit=2, newest=True, kind=NOTE)]
     assert found == ["3", "5"]

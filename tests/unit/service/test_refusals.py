@@ -48,6 +48,7 @@ MESSAGES: tuple[dict[str, Any], ...] = (
     {"type": "halt"},
     {"type": "reset"},
     {"type": "acknowledge", "id": 1},
+    {"type": "note", "line": "the door is repaired"},
     *({"type": "set", "tag": tag, "value": 1.0} for tag in SETTABLE),
     *({"type": "arm", "action": action} for action in ARMABLE),
     {"type": "brake_test"},

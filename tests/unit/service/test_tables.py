@@ -34,7 +34,7 @@ WANTED = {
     "power": "ops", "mode": "ops", "jog": "ops", "move": "ops", "halt": "ops", "reset": "ops",
     "acknowledge": "ops", "set_speed": "ops", "set_increment": "ops", "set_override": "ops",
     "set_acceleration": "ps", "brake_test": "ps", "reset_locked": "s", "traces": "ops", "journal": "psa",
-    "users": "a",
+    "users": "a", "note": "ops",
 }  # fmt: skip
 
 

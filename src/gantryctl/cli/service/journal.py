@@ -29,12 +29,15 @@ def _directory(config_file: Path | None) -> Path:
 @journal.command("show")
 @config_option
 @click.option("--last", "count", type=Whole(1, 100_000), default=20, show_default=True, help="How many.")
+@click.option("--notes", "notes_only", is_flag=True, help="The lines of the shift log only.")
 @json_option
-def journal_show(config_file: Path | None, count: int, as_json: bool) -> int:
+def journal_show(config_file: Path | None, count: int, notes_only: bool, as_json: bool) -> int:
     """Show the newest events, oldest of them first."""
+    from gantryctl.service.protocol.messages import NOTE
     from gantryctl.service.recorder.journal.reading import read_journal
 
-    rows = read_journal(_directory(config_file), limit=count, newest=True)
+    kind = NOTE if notes_only else ""
+    rows = read_journal(_directory(config_file), limit=count, newest=True, kind=kind)
     if as_json:
         print_json([{"seq": row.seq, **row.values, "hash": row.hash} for row in rows])
         return 0

@@ -708,6 +708,10 @@ class Words(Enum):
         "the journal cannot keep events now: no new motion; see `journal_state`",
         "日志现在无法保存事件：不能启动新运动",
     )
+    NOTE_NOT_KEPT = (
+        "the journal cannot keep events now: the line was not written; see `journal_state`",
+        "日志现在无法保存事件：该行未写入",
+    )
     NO_ANSWER = "the controller does not answer", "控制器没有应答"
     HAS_CONTROL = "{user} has control", "控制权在 {user}"
     TAKE_CONTROL_FIRST = "take control first", "请先取得控制权"

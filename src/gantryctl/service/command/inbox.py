@@ -12,7 +12,7 @@ from gantryctl.service.memory.events import EventLog, printable
 from gantryctl.service.memory.refusals import RefusalLog, in_words, kind_of
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol import messages
-from gantryctl.service.protocol.messages import SILENT, Identity, Message, MessageRefused, compact
+from gantryctl.service.protocol.messages import NOTE, SILENT, Identity, Message, MessageRefused, compact
 
 # Records taken from a ring in one scan: sorting them takes time too.
 _PER_SCAN: Final = 32
@@ -183,6 +183,8 @@ class Inbox:
         """Journal a command that was carried out; the number of its event."""
         # With the time of its scan, so that a run can be replayed from state and journal (decision 0011).
         message = pending.message
+        if message.kind == NOTE:
+            return self.events.put(NOTE, message.values["line"], pending.who, time_s=self.time_s)
         values = {**_values(message), **more, "time_s": self.time_s}
         return self.events.put(kind_of(message), f"{in_words(message)}: done", pending.who, **values)
 

@@ -253,6 +253,8 @@ class ServiceOperator:
                 self.arming.arm(ARMABLE[values["action"]], who, now.epoch, now_s)
             case "acknowledge":
                 self._acknowledge(values["id"], who)
+            case "note":
+                pass  # its event is all that it does
             case "power":
                 return self._power(values["on"])
             case "mode":

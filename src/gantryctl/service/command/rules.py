@@ -152,6 +152,8 @@ def check_allowed(message: Message, who: Identity, now: Situation) -> None:
     begins = action in _NEW_MOTION and not power_off and message.kind not in ("renew", "arm")
     if begins or (action is Action.OVERRIDE and now.paused):
         _check_motion(message, who, now)
+    if action is Action.NOTE and not now.journal_keeps:
+        raise MessageRefused(Code.JRN_02, reason=Words.NOTE_NOT_KEPT)
     if message.kind == "reset" and resets_locked(who, now):
         check_armed(now.armed, Action.RESET_LOCKED, who, second_person=now.second_person)
 

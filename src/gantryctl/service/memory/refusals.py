@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.protocol.limits import RateLimiter
-from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, action_of
+from gantryctl.service.protocol.messages import NOTE, Identity, Message, MessageRefused, action_of
 
 # Repeats are written after this time, then after twice as long each time.
 FIRST_S: Final = 10.0
@@ -20,7 +20,7 @@ ROW_S: Final = 10.0
 _CAUSES: Final = 256
 _OTHERS: Final = ("", "", "")
 _NONE: Final[Mapping[str, Any]] = {}
-_KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
+_KINDS: Final = {"set": "setting", "take": "authority", "give": "authority", NOTE: NOTE}
 
 
 def kind_of(message: Message) -> str:

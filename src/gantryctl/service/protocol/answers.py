@@ -153,12 +153,35 @@ SCHEMAS: Final[dict[str, Schema]] = {
             },
             "next": {**_COUNT, "description": "number to ask from next time"},
             "newest": {**_COUNT, "description": "number of the row that comes next"},
+            "newest_s": {
+                "type": ["number", "null"],
+                "description": "`time_s` of the row before it, if there is one",
+            },
+            "utc_s": {"type": "number", "description": "wall clock of the machine then, s since 1970"},
             "tags": _SAMPLED,
         }
     ),
     "Alarms": exactly({"active": list_of("AlarmRow"), "history": list_of("AlarmRow")}),
     "Recording": exactly({"id": _TEXT, "name": _TEXT, "size": _COUNT, "modified": _TEXT}),
     "Event": _EVENT,
+    "Note": exactly(
+        {
+            "seq": {**_COUNT, "description": "number in the journal"},
+            **{key: _TEXT for key in ("utc", "user", "text")},
+        }
+    ),
+    "Visitor": exactly(
+        {
+            "client": {
+                **_TEXT,
+                "description": "one page; that of the holder of control is `authority_client`",
+            },
+            "user": _TEXT,
+            "person": {**_TEXT, "description": "whose account it is"},
+            "role": {"enum": list(Role)},
+            "place": {"enum": ["console", "remote"]},
+        }
+    ),
     "Health": exactly({"controller": {"enum": ["ok", "silent"]}}),
     "Description": {"type": "object", "required": ["openapi", "info", "paths", "components"]},
 }

@@ -84,6 +84,12 @@ SETTABLE: Final = {
 # What `arm` takes, with the action that it is.
 ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_LOCKED}
 
+# Type of a line of the shift log, and kind of its event, whose text is the line.
+NOTE: Final = "note"
+# Characters of a line of the shift log: with four bytes each it fits the text of an event.
+NOTE_MAX: Final = 120
+_LINE: Final = rf"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]{{1,{NOTE_MAX}}}$"
+
 # A safe integer: JavaScript holds no larger one exactly.
 Whole: TypeAlias = Annotated[int, Field(ge=0, le=2**53)]
 # Wider than any machine: what is beyond its travel is refused with its travel.
@@ -247,6 +253,15 @@ class Set(Timed):
     value: Number
 
 
+class WriteNote(Framed):
+    """Write a line into the shift log. The journal keeps it with name and time; where it cannot, the line is refused.
+    Needs no control.
+    """
+
+    type: Literal["note"]
+    line: Annotated[str, Field(pattern=_LINE, description="one line without control characters")]
+
+
 class Arm(Timed):
     """Take the first of two steps, see below. Needs no control."""
 
@@ -263,7 +278,7 @@ class StartBrakeTest(Timed):
 # Every message to the service; its JSON schema is `MESSAGES.json_schema()`.
 AnyMessage: TypeAlias = Annotated[
     Alive | Take | Give | Power | ChooseMode | Jog | Renew | Release | Increment | Move | MoveBy | Halt
-    | Stop | QuickStop | Reset | Acknowledge | Set | Arm | StartBrakeTest,
+    | Stop | QuickStop | Reset | Acknowledge | Set | WriteNote | Arm | StartBrakeTest,
     Field(discriminator="type"),
 ]  # fmt: skip
 MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
@@ -287,7 +302,7 @@ SILENT: Final = frozenset({"alive", "renew"})
 # What goes on without a held key, or changes what outlasts the moment: the reply waits until the event is on the disk
 # (decision 0020). What stops the axis, what a held key does and what only prepares is answered at once.
 KEPT_FIRST: Final = frozenset(
-    {"power", "increment", "move", "move_by", "reset", "acknowledge", "set", "brake_test"}
+    {"power", "increment", "move", "move_by", "reset", "acknowledge", "set", "note", "brake_test"}
 )
 
 _ACTIONS: Final = {
@@ -295,7 +310,7 @@ _ACTIONS: Final = {
     "mode": Action.MODE, "jog": Action.JOG, "renew": Action.JOG, "release": Action.VIEW,
     "increment": Action.JOG, "move": Action.MOVE, "move_by": Action.MOVE, "halt": Action.HALT, "stop": Action.STOP,
     "quick_stop": Action.QUICK_STOP, "reset": Action.RESET, "acknowledge": Action.ACKNOWLEDGE,
-    "brake_test": Action.BRAKE_TEST,
+    "note": Action.NOTE, "brake_test": Action.BRAKE_TEST,
 }  # fmt: skip
 
 
@@ -414,7 +429,10 @@ def compact(value: object) -> str:
 
 def to_record(identity: Identity, message: Mapping[str, Any]) -> bytes:
     """Make a record for the command ring."""
-    return json.dumps([*identity, message], separators=(",", ":"), allow_nan=False).encode()
+    # In any script: a line of the shift log has four bytes a character at most, where an escape has twelve.
+    return json.dumps(
+        [*identity, message], separators=(",", ":"), allow_nan=False, ensure_ascii=False
+    ).encode()
 
 
 def from_record(record: bytes) -> tuple[Identity, dict[str, Any]]:

@@ -35,6 +35,7 @@ class Action(StrEnum):
     INCREMENT = "set_increment"
     OVERRIDE = "set_override"
     ACCELERATION = "set_acceleration"
+    NOTE = "note"
     BRAKE_TEST = "brake_test"
     RESET_LOCKED = "reset_locked"
     TRACES = "traces"
@@ -74,6 +75,7 @@ RIGHTS: Final[dict[Action, Right]] = {
     Action.INCREMENT: Right(_MOVES, "increment setting", control=True),
     Action.OVERRIDE: Right(_MOVES, "speed override", control=True),
     Action.ACCELERATION: Right(_TUNES, "acceleration setting, up to that of the machine file", control=True),
+    Action.NOTE: Right(_MOVES, "write into the shift log"),
     Action.BRAKE_TEST: Right(_TUNES, "brake test", control=True),
     Action.RESET_LOCKED: Right(frozenset({Role.SERVICE}), "reset alarms that are locked", control=True),
     Action.TRACES: Right(_MOVES, "list and download recordings"),

@@ -49,16 +49,18 @@ class Comparison(NamedTuple):
         return f"the copy has {self.only_other} events more: they are missing in the journal"
 
 
-def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: bool = False) -> list[Entry]:
-    """Read rows by number.
+def read_journal(
+    directory: Path, after: int = 0, limit: int = 10_000, newest: bool = False, kind: str = ""
+) -> list[Entry]:
+    """Read rows by number; with a kind, those of it only.
 
     Raises:
         UsageError: there is no journal. DeviceError: it cannot be read.
     """
     order = "DESC" if newest else "ASC"
-    query = f"{SELECT} WHERE seq > ? ORDER BY seq {order} LIMIT ?"
+    query = f"{SELECT} WHERE seq > ? AND (kind = ? OR ? = '') ORDER BY seq {order} LIMIT ?"
     with reading(directory / FILE) as rows:
-        found = [_entry(row) for row in rows(query, (after, limit))]
+        found = [_entry(row) for row in rows(query, (after, kind, kind, limit))]
     return found[::-1] if newest else found
 
 
