@@ -27,6 +27,8 @@ const NEAR_S = 0.1;
 /** Without a trigger for so long, `auto` shows what comes. */
 const AUTO_S = 1;
 const KEPT_MORE_S = 5;
+/** Times are told with six decimals; sums of them are not that exact. */
+const ROUND_S = 1e-7;
 
 export class Acquisition {
   /** Of every scan. */
@@ -85,7 +87,7 @@ export class Acquisition {
   whole(): number | null {
     const at = this.#fired;
     const { window_s, before } = this.#setting;
-    if (at === null || this.now < at + (1 - before) * window_s) return null;
+    if (at === null || this.now < at + (1 - before) * window_s - ROUND_S) return null;
     this.#fired = null;
     this.#shown = this.now;
     return at;
@@ -104,7 +106,7 @@ export class Acquisition {
   picture(at: number, from: number, to: number, shown: readonly Shown[]): Channel[] {
     const shared = new Map<string, number[]>();
     return shown.map((each) => {
-      const [times, y] = this.#merged(each.name, from, to);
+      const [times, y] = this.#merged(each.name, from - ROUND_S, to + ROUND_S);
       // Channels of the same samples share their places: the chart joins them at once.
       const key = `${times.length} ${times[0]} ${times.at(-1)}`;
       const x = shared.get(key) ?? times.map((time) => Number((time - at).toFixed(6)));
