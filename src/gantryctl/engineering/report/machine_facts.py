@@ -44,7 +44,7 @@ def machine_facts(machine: Machine, serials: Serials) -> tuple[tuple[str, str], 
     rows = [
         ("Machine", machine.name),
         ("Description", machine.machine.description),
-        ("Inertia of the load", f"{machine.plant.load.inertia_kg_m2:.4g} kg m²"),
+        ("Inertia of the load", f"{machine.plant.load.inertia_kg_m2:.6g} kg m²"),
         (
             "Motor",
             f"{motor.power_rated_kw:g} kW, {motor.torque_rated_nm:g} N m at {motor.speed_rated_r_min:g} r/min, "

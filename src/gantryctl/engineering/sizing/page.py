@@ -22,7 +22,7 @@ def render_sizing(shown: Fit, fits: Sequence[Fit], made: Made) -> str:
         (
             ("Requirement sheet", sheet.sheet.name),
             ("Description", sheet.sheet.description),
-            ("Inertia of the load", f"{sheet.load.inertia_kg_m2:.4g} kg m²"),
+            ("Inertia of the load", f"{sheet.load.inertia_kg_m2:.6g} kg m²"),
             (
                 "Transmission",
                 f"{sheet.gears.reducer_ratio:g} × {sheet.gears.ring_ratio:g} = {sheet.gears.ratio:g}",

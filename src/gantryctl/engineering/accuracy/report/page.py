@@ -264,7 +264,7 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
         )
         rows.append(("Instrument", f"chord radius {report.radius_m:g} m{noise}"))
     if report.vel_max_deg_s is not None and report.acc_deg_s2 is not None:
-        rows.append(("Profile limits", f"{report.vel_max_deg_s:g}°/s, {report.acc_deg_s2:.4f}°/s²"))
+        rows.append(("Profile limits", f"{report.vel_max_deg_s:g}°/s, {report.acc_deg_s2:.4g}°/s²"))
     return rows + list(report.settings.items())
 
 

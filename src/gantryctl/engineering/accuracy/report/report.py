@@ -309,7 +309,7 @@ class AccuracyReport:
         steps = [d for d in self.table.displacements_deg if d > 0.0]
         peaks = [trapezoid_peak_speed(d, vel, acc) for d in (steps[0], steps[-1])]
         return (
-            f"At {acc:.4f} deg/s2 a move of {steps[0]:g} deg peaks at {peaks[0]:.2f} deg/s and one of "
+            f"At {acc:.4g} deg/s2 a move of {steps[0]:g} deg peaks at {peaks[0]:.2f} deg/s and one of "
             f"{steps[-1]:g} deg at {peaks[1]:.2f} deg/s; {vel:g} deg/s needs at least "
             f"{shortest_trapezoid_reaching(vel, acc):.1f} deg. The chord test says nothing about full speed, "
             "so the speed test is a test of its own."
