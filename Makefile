@@ -14,7 +14,7 @@ COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here;
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist clean page page-check screenshots site soak
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site soak
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the site, the Python tests: what CI runs"
@@ -106,6 +106,7 @@ lock:
 	$(LOCK) pyproject.toml --extra reports -o requirements/run.txt
 	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
 	$(LOCK) --group pyproject.toml:dev -c requirements/run.txt -c requirements/build.txt -o requirements/dev.txt
+	$(LOCK) --group pyproject.toml:dist -c requirements/run.txt -c requirements/build.txt -c requirements/dev.txt -o requirements/dist.txt
 	$(LOCK) pyproject.toml --extra bench -c requirements/run.txt -c requirements/dev.txt -o requirements/bench.txt
 
 # npm and node come from a wheel of the test list. Packages are installed again only when their lock file changes.
@@ -132,13 +133,26 @@ site: .venv/dev.stamp
 screenshots: setup
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi
 
-# What is released: sdist, wheel, bill of materials, sums.
-dist: setup site
+.venv/dist.stamp: .venv/dev.stamp requirements/dist.txt
+	@echo "installing what wheels are built with"
+	@$(PIP_INSTALL) --require-hashes -r requirements/dist.txt
+	@touch $@
+
+# What is released: sdist, wheels for both processors, bill of materials, sums. The same commit gives the same bytes.
+# The first time takes long: Zig compiles its C++ library for each processor.
+PYTHONS ?= python3.11 python3.12 python3.13
+dist: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2> /dev/null || date +%s)
+dist: setup site .venv/dist.stamp
 	rm -rf dist
 	.venv/bin/python -c "from scikit_build_core.build import build_sdist; build_sdist('dist')"
-	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .
+	.venv/bin/python tools/wheels.py dist $(PYTHONS)
 	.venv/bin/python tools/parts.py bill dist
-	cd dist && sha256sum gantryctl* > SHA256SUMS
+	cd dist && sha256sum *.whl *.tar.gz *.json > SHA256SUMS
+
+# Each wheel in an empty environment without a compiler, and its digits; aarch64 by an emulated processor.
+TRY_WITH ?= $(PYTHONS) aarch64
+try-wheels: setup
+	.venv/bin/python tools/try_wheels.py dist $(TRY_WITH)
 
 licences: setup hmi/node_modules/.package-lock.json
 	.venv/bin/python tools/parts.py licences

@@ -254,6 +254,20 @@ TEST(Kernels, scan_and_run_with_the_same_bits) {
     EXPECT_EQ(std::memcmp(rows.data(), tables[0].data(), rows.size() * sizeof(double)), 0);
 }
 
+#if defined(__x86_64__)
+// The compiler's run-time library asks the processor in code of its own.
+TEST(Kernels, are_those_of_this_processor) {
+  std::vector<std::string> names = {"baseline"};
+  if (__builtin_cpu_supports("avx2")) names.emplace_back("avx2");
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl"))
+    names.emplace_back("avx512");
+  std::vector<std::string> found;
+  for (const Kernels* kernels : supported_kernels()) found.emplace_back(kernels->name);
+  EXPECT_EQ(found, names);
+}
+#endif
+
 TEST(RunPlan, is_scan_after_scan_of_the_same_functions) {
   constexpr std::size_t kScans = 300;
   GantrySim<double> sim = Population(1).sims[0], by_hand = sim;
