@@ -131,6 +131,7 @@ site: .venv/dev.stamp
 	.venv/bin/python tools/build_site.py
 
 screenshots: setup
+	PYTHONPATH=tests .venv/bin/python tests/support/first_minutes.py docs/tutorials
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi
 
 .venv/dist.stamp: .venv/dev.stamp requirements/dist.txt

@@ -1,4 +1,4 @@
-"""What the system says of itself that decides how late a scan is; Linux only, elsewhere unknown."""
+"""What the system says of itself: how late a scan is, whose time the journal has, what this user may; else unknown."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ from typing import Final, NamedTuple
 
 # The service asks for this priority (docs/how-to/run-as-a-service.md).
 PRIORITY_WANTED: Final = 80
+_TIME_ERROR: Final = 5
+_STEP_S: Final = 0.05
+"""A wall clock that is kept right by its rate goes on within this, in the time of a trial."""
+_WITHOUT_ADAPTER: Final = ("simulated", "udp_multicast", "virtual")
+# ARPHRD_CAN of <linux/if_arp.h>.
+_CAN_TYPE: Final = "280"
 # Read by an instruction of the processor; every other source is a call into hardware or a hypervisor.
 _FAST_CLOCKS: Final = ("tsc", "arch_sys_counter", "kvm-clock", "riscv_clocksource")
 
@@ -24,6 +30,9 @@ class Check(Enum):
     ISOLATION = "isolation"
     CLOCK_SOURCE = "clock source"
     LOAD = "load"
+    WALL_CLOCK = "wall clock"
+    STATE = "state"
+    ADAPTER = "CAN adapter"
 
 
 class Verdict(Enum):
@@ -31,7 +40,7 @@ class Verdict(Enum):
 
     GOOD = "good"
     WEAK = "weak"
-    """It makes scans later than they need be."""
+    """It makes scans later than they need be, or something else fails that will be wanted."""
     UNKNOWN = "unknown"
     """The system does not show it."""
 
@@ -53,6 +62,12 @@ class System(NamedTuple):
     load: float | None = None
     """Processes that ran or wanted to run in the last minute, as a mean; None: not known."""
     processors: int = 1
+    synchronised: bool | None = None
+    """Something keeps the wall clock right; None: not known."""
+    state_root: Path = Path("/")
+    """Where state is kept, or would be made."""
+    adapter: tuple[str, str] | None = None
+    """Interface of python-can and channel of the machine; None: it has no bus."""
 
     def read(self, name: str) -> str | None:
         """Contents of a file of the system, or None."""
@@ -62,10 +77,26 @@ class System(NamedTuple):
             return None
 
 
-def this_system() -> System:
+def this_system(state_root: Path, adapter: tuple[str, str] | None) -> System:
     """The computer that this process runs on."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return System(priority_limit=_priority_limit(), load=load, processors=os.cpu_count() or 1)
+    return System(priority_limit=_priority_limit(), load=load, processors=os.cpu_count() or 1,
+        synchronised=_synchronised(), state_root=state_root, adapter=adapter,
+    )  # fmt: skip
+
+
+def _synchronised() -> bool | None:
+    """Whether the kernel counts its clock as synchronised; adjtimex(2)."""
+    if sys.platform != "linux":
+        return None
+    import ctypes
+
+    adjtimex = getattr(ctypes.CDLL(None, use_errno=True), "adjtimex", None)
+    if adjtimex is None:
+        return None
+    # struct timex, 208 bytes with 64-bit words, all zero: nothing is set. The answer is the state of the clock.
+    state: int = adjtimex(ctypes.create_string_buffer(256))
+    return None if state < 0 else state != _TIME_ERROR
 
 
 def _priority_limit() -> int | None:
@@ -131,6 +162,59 @@ def _load(system: System) -> tuple[Verdict, str]:
     return verdict, f"{system.load:.1f} on {system.processors} processors"
 
 
+def _state(system: System) -> tuple[Verdict, str]:
+    place = next(folder for folder in (system.state_root, *system.state_root.parents) if folder.exists())
+    # A directory that is there, or the one in which it would be made.
+    if place.is_dir() and os.access(place, os.W_OK | os.X_OK):
+        return Verdict.GOOD, str(system.state_root)
+    return Verdict.WEAK, f"{place}: no right to write there"
+
+
+def _adapter(system: System) -> tuple[Verdict, str]:
+    if system.adapter is None:
+        found = [path.name for path in _can_networks(system)]
+        return Verdict.UNKNOWN, f"the machine asks for none; here: {', '.join(found) or 'none of SocketCAN'}"
+    interface, channel = system.adapter
+    name = f"{interface} {channel}".strip()
+    if interface == "socketcan":
+        folder = system.root / "sys/class/net" / channel
+        if folder not in _can_networks(system):
+            return Verdict.WEAK, f"{name}: there is no such CAN network"
+        # Bit 0 of the flags is IFF_UP; a CAN network without a carrier still says "unknown" as its state.
+        up = int(system.read(f"sys/class/net/{channel}/flags") or "0", 16) & 1
+        return (Verdict.GOOD, f"{name}, up") if up else (Verdict.WEAK, f"{name}: is down")
+    if interface in _WITHOUT_ADAPTER:
+        return Verdict.GOOD, f"{name}: needs none"
+    if channel.startswith("/dev/"):
+        device = system.root / channel.lstrip("/").partition("@")[0]
+        if not device.exists():
+            return Verdict.WEAK, f"{name}: there is no such device"
+        if not os.access(device, os.R_OK | os.W_OK):
+            return Verdict.WEAK, f"{name}: no right to use it"
+        return Verdict.GOOD, name
+    return Verdict.UNKNOWN, f"{name}: its driver tells when it is opened: gantryctl can scan"
+
+
+def _can_networks(system: System) -> list[Path]:
+    folders = sorted((system.root / "sys/class/net").glob("*"))
+    return [each for each in folders if system.read(f"sys/class/net/{each.name}/type") == _CAN_TYPE]
+
+
+def wall_clock(system: System, stepped_s: float) -> Finding:
+    """Whether the wall clock is right, and stays so: the journal has its times from it, and never a scan.
+
+    Args:
+        stepped_s: how much it went on more than the steady clock while somebody watched.
+    """
+    if not abs(stepped_s) <= _STEP_S:
+        return Finding(Check.WALL_CLOCK, Verdict.WEAK, f"stepped by {stepped_s:+.3f} s during the trials")
+    if system.synchronised is None:
+        return Finding(Check.WALL_CLOCK, Verdict.UNKNOWN, "not shown; no step during the trials")
+    if system.synchronised:
+        return Finding(Check.WALL_CLOCK, Verdict.GOOD, "synchronised, no step during the trials")
+    return Finding(Check.WALL_CLOCK, Verdict.WEAK, "not synchronised")
+
+
 _LOOKS: Final[dict[Check, Callable[[System], tuple[Verdict, str]]]] = {
     Check.KERNEL: _kernel,
     Check.PRIORITY: _priority,
@@ -138,9 +222,11 @@ _LOOKS: Final[dict[Check, Callable[[System], tuple[Verdict, str]]]] = {
     Check.ISOLATION: _isolation,
     Check.CLOCK_SOURCE: _clock_source,
     Check.LOAD: _load,
+    Check.STATE: _state,
+    Check.ADAPTER: _adapter,
 }
 
 
 def findings(system: System) -> tuple[Finding, ...]:
-    """Everything that is looked at, in one order."""
+    """Everything that is looked at before a trial, in one order."""
     return tuple(Finding(check, *look(system)) for check, look in _LOOKS.items())

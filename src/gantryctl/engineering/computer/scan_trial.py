@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from gantryctl.errors import UsageError
@@ -60,13 +61,19 @@ class ScanTrial(NamedTuple):
         }
 
 
-def scan_trial(period_ms: float, seconds: float, clock: Clock | None = None) -> ScanTrial:
+def scan_trial(
+    period_ms: float,
+    seconds: float,
+    clock: Clock | None = None,
+    watch: Callable[[float], None] = lambda more_s: None,
+) -> ScanTrial:
     """Run the shipped program on the simulated gantry in real time, power off.
 
     A bus is not part of it: its telegrams come on top (`benchmarks/can_cycle.py`).
 
     Args:
         clock: another than the real one, for tests.
+        watch: is told the time that has gone since it was told last, s.
 
     Raises:
         UsageError: a period or a time out of range.
@@ -93,6 +100,7 @@ def scan_trial(period_ms: float, seconds: float, clock: Clock | None = None) -> 
             while engine.scan < end:
                 engine.run_for(min(_SLICE_S, (end - engine.scan) * engine.period_s))
                 stops += _acknowledge(engine)
+                watch(_SLICE_S)
     finally:
         engine.close()
     return ScanTrial(engine.statistics, granted, tuple(stops))

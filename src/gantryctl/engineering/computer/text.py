@@ -16,6 +16,9 @@ _ADVICE: Final = {
     Check.GOVERNOR: "governor performance: cpupower frequency-set -g performance",
     Check.ISOLATION: "keep a processor for the scan: isolcpus=1 on the kernel's command line, then taskset -c 1",
     Check.CLOCK_SOURCE: "clocksource=tsc on the kernel's command line, where the processor has an invariant one",
+    Check.WALL_CLOCK: "the journal takes its dates from it: systemd-timesyncd, chrony or ptp4l keeps it right",
+    Check.STATE: "give this user the right, or name another directory in GANTRYCTL_STATE",
+    Check.ADAPTER: "ip link set can0 up type can bitrate 500000 for SocketCAN; group dialout for a serial adapter",
     Check.LOAD: "other processes take the processor: end them, or measure again without them",
 }
 
