@@ -101,9 +101,10 @@ class Live:
             for text in client.outgoing():
                 try:
                     # Not `wait_for`: in Python 3.11 it drops a cancellation that comes as the sending ends, and this
-                    # would wait on for news of a client that has left.
+                    # would wait on for news of a client that has left. A task, so that between two messages the loop
+                    # has a turn: what is written to a connection that has ended is a line in the log each time.
                     async with asyncio.timeout(_STUCK_S):
-                        await socket.send_text(text)
+                        await asyncio.create_task(socket.send_text(text))
                 except TimeoutError:
                     return TOO_SLOW
                 except (WebSocketDisconnect, RuntimeError, OSError):
