@@ -470,6 +470,14 @@ export const WORDS: Record<string, string> = {
   OTHER_ARMS_FIRST: "{action} 未预备：须由另一人先预备，然后在 {limit:g} 秒内执行",
   OTHER_EXECUTES: "{action} 由 {user} 预备：须由另一人执行",
   PERSON_UNKNOWN: "需要两人，但不知 {user} 是谁的账号：请用 `gantryctl user add {user}` 说明",
+  BEING_COMMISSIONED: "轴正在调试中：请先结束调试",
+  NOT_BEING_COMMISSIONED: "未在进行调试",
+  NO_DRIVE_TO_COMMISSION: "本机没有总线上的驱动器：无需调试",
+  POWER_OFF_TO_COMMISSION: "请先断电",
+  STEP_UNDER_WAY: "请等待步骤结束，或将其停止",
+  STEP_UNKNOWN: "此处没有步骤 {step}",
+  STEP_BEFORE: "须先完成步骤 {step}",
+  STEP_AT_CONSOLE: "会产生运动的步骤只能在机器的控制台上开始：`gantryctl console`",
   ARMED_ELSEWHERE: "{action} 由 {user} 在另一屏幕预备：请在此预备",
 };
 

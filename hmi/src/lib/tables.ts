@@ -215,7 +215,7 @@ export interface Tags {
   /** Acceleration and deceleration of normal motion. [deg/s2] */
   acc_setting_deg_s2: number | null;
   /** The armed action: the next step executes it. */
-  armed_action: 'none' | 'brake_test' | 'reset_locked' | null;
+  armed_action: 'none' | 'brake_test' | 'reset_locked' | 'commission' | null;
   /** User who armed it; empty with nothing armed. */
   armed_by: string | null;
   /** Person whose account that is; empty with nothing armed. */
@@ -228,6 +228,16 @@ export interface Tags {
   second_person: boolean | null;
   /** A reset now meets something locked: it needs the service role, and `arm` first. */
   reset_locked: boolean | null;
+  /** This machine has a drive that is commissioned. */
+  commissioning_available: boolean | null;
+  /** What commissioning does; `none` while the controller has the axis. Else no program runs: `axis_state` is disabled, and what the drive shows is told during a step only. */
+  commissioning: 'none' | 'setting_up' | 'waiting' | 'running' | 'ending' | null;
+  /** Key of the step under way; empty without one. */
+  commissioning_step: string | null;
+  /** Time until that step ends, about; null without one. [s] */
+  commissioning_left_s: number | null;
+  /** Read `/commissioning` again when it changes. */
+  commissioning_results: number | null;
   /** This machine can test its brake. */
   brake_test_available: boolean | null;
   /** Why it cannot be tested here; empty when it can. */
@@ -337,7 +347,7 @@ export interface Tags {
 }
 
 export type Role = 'viewer' | 'operator' | 'physicist' | 'service' | 'admin';
-export type Action = 'view' | 'stop' | 'quick_stop' | 'authority' | 'take_over' | 'power' | 'mode' | 'jog' | 'move' | 'halt' | 'reset' | 'acknowledge' | 'set_speed' | 'set_increment' | 'set_override' | 'set_acceleration' | 'note' | 'brake_test' | 'reset_locked' | 'traces' | 'journal' | 'users';
+export type Action = 'view' | 'stop' | 'quick_stop' | 'authority' | 'take_over' | 'power' | 'mode' | 'jog' | 'move' | 'halt' | 'reset' | 'acknowledge' | 'set_speed' | 'set_increment' | 'set_override' | 'set_acceleration' | 'note' | 'brake_test' | 'reset_locked' | 'commission' | 'traces' | 'journal' | 'users';
 
 /** Who may do what, and whether it needs the control authority. */
 export const ROLES: Role[] = ["viewer", "operator", "physicist", "service", "admin"];
@@ -361,6 +371,7 @@ export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boo
   { action: 'note', what: "write into the shift log", roles: ["operator", "physicist", "service"], control: false },
   { action: 'brake_test', what: "brake test", roles: ["physicist", "service"], control: true },
   { action: 'reset_locked', what: "reset alarms that are locked", roles: ["service"], control: true },
+  { action: 'commission', what: "commission the drive, step by step", roles: ["service"], control: true },
   { action: 'traces', what: "list and download recordings", roles: ["operator", "physicist", "service"], control: false },
   { action: 'journal', what: "export the journal", roles: ["physicist", "service", "admin"], control: false },
   { action: 'users', what: "users (on the command line)", roles: ["admin"], control: false },
@@ -370,8 +381,10 @@ export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boo
 export interface Commands {
   acknowledge: { id: number };
   alive: Record<string, never>;
-  arm: { action: 'brake_test' | 'reset_locked' };
+  arm: { action: 'brake_test' | 'reset_locked' | 'commission' };
+  commission_begin: Record<string, never>;
   mode: { mode: 'none' | 'continuous' | 'incremental' };
+  commission_end: Record<string, never>;
   give: Record<string, never>;
   halt: Record<string, never>;
   increment: { direction: 'forward' | 'reverse' };
@@ -383,6 +396,7 @@ export interface Commands {
   release: { lease: string };
   renew: { lease: string };
   reset: Record<string, never>;
+  commission_step: { step: string };
   set: { tag: 'speed_setting_deg_s' | 'increment_deg' | 'override_percent' | 'acc_setting_deg_s2'; value: number };
   brake_test: Record<string, never>;
   stop: Record<string, never>;

@@ -263,7 +263,7 @@ class Tags:
     """Speed override, 0..100. [%]"""
     acc_setting_deg_s2: float
     """Acceleration and deceleration of normal motion. [deg/s2]"""
-    armed_action: Literal["none", "brake_test", "reset_locked"]
+    armed_action: Literal["none", "brake_test", "reset_locked", "commission"]
     """The armed action: the next step executes it."""
     armed_by: str
     """User who armed it; empty with nothing armed."""
@@ -277,6 +277,17 @@ class Tags:
     """Another person than the one who armed must execute."""
     reset_locked: bool
     """A reset now meets something locked: it needs the service role, and `arm` first."""
+    commissioning_available: bool
+    """This machine has a drive that is commissioned."""
+    commissioning: Literal["none", "setting_up", "waiting", "running", "ending"]
+    """What commissioning does; `none` while the controller has the axis. Else no program runs:
+    `axis_state` is disabled, and what the drive shows is told during a step only."""
+    commissioning_step: str
+    """Key of the step under way; empty without one."""
+    commissioning_left_s: float | None
+    """Time until that step ends, about; None without one. [s]"""
+    commissioning_results: int
+    """Read `/commissioning` again when it changes."""
     brake_test_available: bool
     """This machine can test its brake."""
     brake_test_blocked: str

@@ -104,6 +104,12 @@ class Rest:
         tags = self._hub.status()["tags"]
         return JSONResponse({"active": tags.get("alarms", []), "history": tags.get("alarm_history", [])})
 
+    async def _commissioning(self, _: Request) -> Response:
+        found = self._hub.commissioning()
+        if found is None:
+            return error(404, refusal(Code.CTL_14, reason=Words.NOT_BEING_COMMISSIONED))
+        return JSONResponse(found)
+
     async def _traces(self, _: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self._files.rows))
 

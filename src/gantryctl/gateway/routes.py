@@ -76,6 +76,12 @@ ROUTES: Final = (
         schema=refer("Alarms"),
     ),
     RouteEntry(
+        "GET", "/commissioning", "commissioning", Action.VIEW,
+        "Steps and ledger of the commissioning under way, or of the last one since the service was started.",
+        {200: "steps, what they have shown, what is open", 404: "there was none", **_LOG_IN},
+        schema=refer("Commissioning"),
+    ),
+    RouteEntry(
         "GET", "/traces", "traces", Action.TRACES, "Recordings, newest first.", {200: "list", **_LOG_IN},
         schema=list_of("Recording"),
     ),

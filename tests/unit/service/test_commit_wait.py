@@ -31,6 +31,7 @@ VALUES: dict[str, dict[str, Any]] = {
     "move": {"target_deg": 1.0},
     "move_by": {"distance_deg": 1.0},
     "acknowledge": {"id": 1},
+    "commission_step": {"step": "identity"},
     "set": {"tag": "increment_deg", "value": 1.0},
     "arm": {"action": "brake_test"},
 }

@@ -29,8 +29,9 @@ WHOLE: dict[str, dict[str, Any]] = {
     "jog": {"lease": LEASE, "direction": "forward"},
     "renew": {"lease": LEASE}, "release": {"lease": LEASE}, "increment": {"direction": "reverse"},
     "move": {"target_deg": 90}, "move_by": {"distance_deg": 1.5},
-    "acknowledge": {"id": 7}, "set": {"tag": "override_percent", "value": 40},
-    "arm": {"action": "brake_test"}, "note": {"line": "门已修好 \U0001f527"},
+    "acknowledge": {"id": 7}, "commission_step": {"step": "identity"},
+    "set": {"tag": "override_percent", "value": 40}, "arm": {"action": "brake_test"},
+    "note": {"line": "门已修好 \U0001f527"},
 }  # fmt: skip
 
 

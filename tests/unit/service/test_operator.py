@@ -22,7 +22,7 @@ VALUES: dict[str, dict[str, object]] = {
     "take": {"over": False}, "power": {"on": True}, "mode": {"mode": "none"}, "renew": {"lease": LEASE},
     "jog": {"lease": LEASE, "direction": "forward"}, "release": {"lease": LEASE},
     "increment": {"direction": "forward"}, "move": {"target_deg": 1.0}, "move_by": {"distance_deg": 1.0},
-    "acknowledge": {"id": 1}, "note": {"line": "the door is repaired"},
+    "acknowledge": {"id": 1}, "commission_step": {"step": "identity"}, "note": {"line": "the door is repaired"},
     "arm": {"action": "brake_test"}, "set": {"tag": "speed_setting_deg_s", "value": 1.0},
 }  # fmt: skip
 LEASE_S = 0.250

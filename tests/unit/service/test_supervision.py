@@ -27,7 +27,7 @@ from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor import child as module
-from gantryctl.service.supervisor.child import HANG_S, START_S, Child, notify
+from gantryctl.service.supervisor.child import HANG_S, START_S, Child, Relief, notify
 from gantryctl.service.supervisor.process import Options, Supervisor
 from gantryctl.service.supervisor.users import Users, UserWatch
 
@@ -50,6 +50,30 @@ def keeping(child: Child, check: Callable[[list[str]], Awaitable[None]]) -> list
 
     asyncio.run(whole())
     return said
+
+
+def test_a_relief_takes_the_place_of_a_process_once_however_it_ends(tmp_path: Path) -> None:
+    """The controller, commissioning, the controller: no pause, and no failure counted, between them."""
+    lines = tmp_path / "lines"
+    writes = f"import sys; open({str(lines)!r}, 'a').write(sys.argv[1] + chr(10)); "
+    first = [sys.executable, "-c", writes, "a"]
+    wanted = [True]
+
+    def relief() -> Relief | None:
+        taken, wanted[0] = wanted[0], False
+        return Relief("commissioning", [sys.executable, "-c", writes + "sys.exit(7)", "b"]) if taken else None
+
+    child = Child("controller", first, [], critical=True, relief=relief)
+
+    async def check(said: list[str]) -> None:
+        while not lines.exists() or lines.read_text().split()[:3] != ["a", "b", "a"]:
+            await asyncio.sleep(0.02)
+
+    said = keeping(child, check)
+    assert said[:2] == [
+        "commissioning takes the place of the controller",
+        "commissioning ended with code 7; the controller takes its place again",
+    ]
 
 
 def test_a_process_that_cannot_be_started_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,8 +33,8 @@ WANTED = {
     "view": "vopsa", "stop": "vopsa", "quick_stop": "vopsa", "authority": "ops", "take_over": "ops",
     "power": "ops", "mode": "ops", "jog": "ops", "move": "ops", "halt": "ops", "reset": "ops",
     "acknowledge": "ops", "set_speed": "ops", "set_increment": "ops", "set_override": "ops",
-    "set_acceleration": "ps", "brake_test": "ps", "reset_locked": "s", "traces": "ops", "journal": "psa",
-    "users": "a", "note": "ops",
+    "set_acceleration": "ps", "brake_test": "ps", "reset_locked": "s", "commission": "s", "traces": "ops",
+    "journal": "psa", "users": "a", "note": "ops",
 }  # fmt: skip
 
 

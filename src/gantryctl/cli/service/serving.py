@@ -96,6 +96,7 @@ def run_service(
             {check.name: check.text for check in checks},
             "" if page is None or listener is None else address_of(page, listener),
             None if bus_log is None else bus_log.resolve(),
+            "gantryctl.commissioning.in_service" if machine.on_bus else "",
         ),
     )
 

@@ -40,10 +40,22 @@ class Meter:
         now_s = self._now_s()
         if now_s < self._next_s:
             return
-        part = min(self.done / self._expected, _MOST) if self.done < self._expected else _MOST
-        left_s = max(1.0, (now_s - self._begun_s) * (1.0 - part) / max(part, 1e-6))
+        left_s = self._left_s(now_s)
         self._next_s = now_s + max(FIRST_S, left_s / _LINES)
-        self._say(f"  {100.0 * part:.0f} %, about {duration(left_s)} left")
+        self._say(f"  {100.0 * self.part:.0f} %, about {duration(left_s)} left")
+
+    @property
+    def part(self) -> float:
+        """Part that is done, about, 0 to 1."""
+        return min(self.done / self._expected, _MOST) if self.done < self._expected else _MOST
+
+    @property
+    def left_s(self) -> float:
+        """Time that is left for the person who waits, about, s."""
+        return self._left_s(self._now_s())
+
+    def _left_s(self, now_s: float) -> float:
+        return max(1.0, (now_s - self._begun_s) * (1.0 - self.part) / max(self.part, 1e-6))
 
     def reach(self, done: float) -> None:
         """So much of it is done in all."""

@@ -743,6 +743,23 @@ class Words(Enum):
         "two persons are needed, and nobody knows whose account {user} is: `gantryctl user add {user}` says it",
         "需要两人，但不知 {user} 是谁的账号：请用 `gantryctl user add {user}` 说明",
     )
+    BEING_COMMISSIONED = (
+        "the axis is being commissioned: end the commissioning first",
+        "轴正在调试中：请先结束调试",
+    )
+    NOT_BEING_COMMISSIONED = "no commissioning is under way", "未在进行调试"
+    NO_DRIVE_TO_COMMISSION = (
+        "this machine has no drive on a bus: there is nothing to commission",
+        "本机没有总线上的驱动器：无需调试",
+    )
+    POWER_OFF_TO_COMMISSION = "switch power off first", "请先断电"
+    STEP_UNDER_WAY = "wait until the step has ended, or stop it", "请等待步骤结束，或将其停止"
+    STEP_UNKNOWN = "there is no step {step} here", "此处没有步骤 {step}"
+    STEP_BEFORE = "the step {step} comes first", "须先完成步骤 {step}"
+    STEP_AT_CONSOLE = (
+        "what moves is begun at the console of the machine only: `gantryctl console`",
+        "会产生运动的步骤只能在机器的控制台上开始：`gantryctl console`",
+    )
     ARMED_ELSEWHERE = (
         "{action} was armed by {user} at another screen: arm it here",
         "{action} 由 {user} 在另一屏幕预备：请在此预备",

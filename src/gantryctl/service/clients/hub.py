@@ -311,6 +311,11 @@ class Hub:
             "tags": {**self._fast, **self._slow} if whole else self._fast,
         }
 
+    def commissioning(self) -> dict[str, Any] | None:
+        """Steps and ledger of commissioning; None before the first one since the service was started."""
+        found = self._memory.commissioning.read()
+        return None if found is None else json.loads(found)
+
     def status_text(self, client: str, *, whole: bool) -> str:
         """The `status` message to one connection as text; all but its mark is made once for all of them."""
         if whole not in self._texts:

@@ -60,9 +60,9 @@ class Authority:
         self.new_epoch()
         return True
 
-    def silent(self, now_s: float) -> bool:
+    def silent(self, now_s: float, limit_s: float = SILENCE_S) -> bool:
         """Whether the holder was silent for too long."""
-        return self.holder is not None and now_s - self._alive_s > SILENCE_S
+        return self.holder is not None and now_s - self._alive_s > limit_s
 
     def new_epoch(self) -> None:
         """Begin another epoch: commands that were sent before are void."""

@@ -51,6 +51,7 @@ class ServiceOperator:
         frames: times of issue of the status frames.
         unheld: how long power has been on without control.
         shutdown: raised to bring the axis to rest and switch off.
+        hands_over: it is raised because commissioning takes the axis next.
     """
 
     def __init__(
@@ -76,7 +77,8 @@ class ServiceOperator:
         lease_s = machine.monitors.lease_ms * 1e-3
         self.hold, self._keys = HoldToRun(lease_s, machine.control.scan_period_ms * 1e-3), key_limits(lease_s)
         self.frames = FrameClock(now())
-        self.levels, self.shutdown = levels, False
+        self.levels, self.shutdown, self.hands_over = levels, False, False
+        self._on_bus = machine.on_bus
         self.now = now
         self._acting: PendingCommand | None = None
         self._refusals = 0
@@ -233,8 +235,8 @@ class ServiceOperator:
         who, message = pending.who, pending.message
         values = message.values
         match message.kind:
-            case "alive":
-                pass
+            case "alive" | "note":
+                pass  # the event of a note is all that it does
             case "take":
                 self._take(who, values["over"], now_s)
             case "give":
@@ -253,10 +255,10 @@ class ServiceOperator:
                 self.arming.arm(ARMABLE[values["action"]], who, now.epoch, now_s)
             case "acknowledge":
                 self._acknowledge(values["id"], who)
-            case "note":
-                pass  # its event is all that it does
             case "power":
                 return self._power(values["on"])
+            case "commission_begin" | "commission_step" | "commission_end":
+                self._hand_over(message.kind, now)
             case "mode":
                 mode = Mode[values["mode"].upper()]
                 self._set(mode=mode)
@@ -325,6 +327,18 @@ class ServiceOperator:
                 self.stop()
         self._set(power=on)
         return not on
+
+    def _hand_over(self, kind: str, now: Situation) -> None:
+        """End with power off, so that commissioning has the axis next."""
+        if kind != "commission_begin":
+            raise MessageRefused(Code.CTL_14, reason=Words.NOT_BEING_COMMISSIONED)
+        if not self._on_bus:
+            raise MessageRefused(Code.CTL_14, reason=Words.NO_DRIVE_TO_COMMISSION)
+        if not now.journal_keeps:
+            raise MessageRefused(Code.JRN_02, reason=Words.NO_JOURNAL)
+        if not self.program.axis.is_off:
+            raise MessageRefused(Code.CTL_14, reason=Words.POWER_OFF_TO_COMMISSION)
+        self.shutdown = self.hands_over = True
 
     def _reset(self, who: Identity, *, service: bool) -> None:
         if service:

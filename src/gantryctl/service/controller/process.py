@@ -252,6 +252,7 @@ class Controller:
             self.operator.refusals.close()
             self.events.put("service", self._ended(failure is None))
             self.memory.words[Word.CONTROLLER_CLEAN] = failure is None
+            self.memory.words[Word.COMMISSIONING] = failure is None and self.operator.hands_over
 
     def _ended(self, clean: bool) -> str:
         """How the controller left the axis, by the last reading: what that does not show was only commanded."""

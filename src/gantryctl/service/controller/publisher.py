@@ -21,7 +21,7 @@ from gantryctl.service.memory.snapshot import FAST, publish_fast, publish_json, 
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.messages import SETTABLE
-from gantryctl.service.protocol.tags import BY_NAME
+from gantryctl.service.protocol.tags import BY_NAME, CommissioningPhase
 from gantryctl.units import deg
 
 FAST_S: Final = 0.010
@@ -212,6 +212,7 @@ class Publisher:
             "lease_left_ms": operator.hold.left_s(now_s) * 1e3,
             "round_trip_ms": operator.authority.round_trip.shortest_s(now_s) * 1e3,
             "armed_left_s": operator.arming.left_s(operator.authority.epoch, now_s),
+            "commissioning_left_s": math.nan,
             "unheld_power_left_s": operator.unheld.left_s(now_s),
             "alarm_count": len(axis.alarms.active),
             "refusal_count": axis.refusal_count,
@@ -276,6 +277,10 @@ class Publisher:
             "no_go_deg": axis.no_go_deg,
             "drawing": "couch" if is_reference_machine(machine) else "axis",
             "drive_kind": machine.drive.kind,
+            "commissioning_available": machine.on_bus,
+            "commissioning": CommissioningPhase.NONE.name.lower(),
+            "commissioning_step": "",
+            "commissioning_results": 0,
             "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,
             "speed_max_deg_s": speed.high,

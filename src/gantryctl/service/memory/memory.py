@@ -69,6 +69,9 @@ class Word(IntEnum):
     LINK = 16
     LINK_UID = 17
     LINK_UNTIL_NS = 18
+    # 1 when commissioning takes the controller's place next: written by the controller as it ends, cleared by the
+    # supervisor then.
+    COMMISSIONING = 11
     # Process number of the supervisor, for the others to end with it.
     SUPERVISOR = 10
 
@@ -107,6 +110,7 @@ class JournalHealth:
 
 _AREAS: Final = (
     ("words", 512), ("fast", 4096), ("slow", 64 * 1024), ("alarms", 256 * 1024), ("columns", 8192),
+    ("commissioning", 128 * 1024),
     ("commands0", _COMMANDS), ("commands1", _COMMANDS), ("replies0", _COMMANDS), ("replies1", _COMMANDS),
     ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS),
     ("rows", 192 + ROWS * ROW_BYTES), ("frames", 192 + 16384 * FRAME_BYTES),
@@ -119,7 +123,7 @@ class SharedMemory:
     Attributes:
         words: numbers by `Word`.
         fast: tags of 20 Hz, packed. slow: the other tags, JSON. alarms: alarm rows, JSON.
-        columns: names of the trace's columns, JSON.
+        columns: names of the trace's columns, JSON. commissioning: its steps and ledger, JSON.
         commands, replies: one ring each for WEB and LOCAL. events: one ring a source.
         rows: trace rows. frames: frames of the bus.
     """
@@ -136,6 +140,7 @@ class SharedMemory:
         self.words = area["words"].cast("Q")
         self.fast, self.slow = SequenceLock(area["fast"]), SequenceLock(area["slow"])
         self.alarms, self.columns = SequenceLock(area["alarms"]), SequenceLock(area["columns"])
+        self.commissioning = SequenceLock(area["commissioning"])
         self.commands = tuple(Ring(area[f"commands{n}"], COMMAND_BYTES) for n in range(2))
         self.replies = tuple(Ring(area[f"replies{n}"], COMMAND_BYTES) for n in range(2))
         self.events = tuple(Ring(area[f"events{n}"], EVENT_BYTES) for n in range(4))

@@ -161,6 +161,43 @@ SCHEMAS: Final[dict[str, Schema]] = {
             "tags": _SAMPLED,
         }
     ),
+    "Commissioning": exactly(
+        {
+            "machine": _TEXT,
+            "drive": {
+                **_TEXT,
+                "description": "vendor, product, revision and serial number; empty before it was read",
+            },
+            "complete": {
+                **_FLAG,
+                "description": "all that is required has passed: the end writes the record",
+            },
+            "note": {**_TEXT, "description": "why no step can be begun, or why the last one was stopped"},
+            "steps": list_of("CommissioningStep"),
+            "ledger": {"type": "array", "items": _TEXT, "description": "what gives each safety property"},
+            "open": {"type": "array", "items": _TEXT, "description": "of the ledger, what is not proven"},
+        }
+    ),
+    "CommissioningStep": exactly(
+        {
+            "key": _TEXT,
+            "title": _TEXT,
+            "does": _TEXT,
+            "moves": {**_TEXT, "description": "what could move, and how far; empty for nothing"},
+            "offered": {**_FLAG, "description": "false: by `gantryctl commission --only` alone"},
+            "outcome": {"enum": ["", "passed", "failed", "not_testable"]},
+            "proof": _TEXT,
+            "to_do": _TEXT,
+            "at": _TEXT,
+            "by": _TEXT,
+            "figures": {
+                "type": "object",
+                "additionalProperties": exactly(
+                    {key: {"type": ["number", "null"]} for key in ("value", "low", "high")}
+                ),
+            },
+        }
+    ),
     "Alarms": exactly({"active": list_of("AlarmRow"), "history": list_of("AlarmRow")}),
     "Recording": exactly({"id": _TEXT, "name": _TEXT, "size": _COUNT, "modified": _TEXT}),
     "Event": _EVENT,

@@ -34,6 +34,8 @@ _ROUND_TRIP_PART: Final = 0.6
 HELD_S: Final = 30.0
 # A holder of control that is silent for longer loses it.
 SILENCE_S: Final = 2.0
+# A step of commissioning whose watcher is silent for longer is stopped; a page gives a sign of life every 0.4 s.
+WATCHED_S: Final = 1.0
 # Time between arming and executing.
 ARMED_S: Final = 10.0
 # Time in which a link to the page as the console must be opened.

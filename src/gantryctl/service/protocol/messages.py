@@ -82,7 +82,11 @@ SETTABLE: Final = {
 }
 
 # What `arm` takes, with the action that it is.
-ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_LOCKED}
+ARMABLE: Final = {
+    "brake_test": Action.BRAKE_TEST,
+    "reset_locked": Action.RESET_LOCKED,
+    "commission": Action.COMMISSION,
+}
 
 # Type of a line of the shift log, and kind of its event, whose text is the line.
 NOTE: Final = "note"
@@ -266,7 +270,7 @@ class Arm(Timed):
     """Take the first of two steps, see below. Needs no control."""
 
     type: Literal["arm"]
-    action: Literal["brake_test", "reset_locked"]
+    action: Literal["brake_test", "reset_locked", "commission"]
 
 
 class StartBrakeTest(Timed):
@@ -275,10 +279,34 @@ class StartBrakeTest(Timed):
     type: Literal["brake_test"]
 
 
+class BeginCommissioning(Timed):
+    """Have the controller hand the axis over for commissioning: with power off, and a drive on a bus. It ends, and
+    control with it: take it again when the tag `commissioning` is there.
+    """
+
+    type: Literal["commission_begin"]
+
+
+class RunStep(Timed):
+    """Run one step of commissioning. One that can move is armed first (`commission`), at the console of the machine. It
+    ends when its holder of control is silent for 1 s.
+    """
+
+    type: Literal["commission_step"]
+    step: Annotated[str, Field(pattern="^[a-z]{1,20}$", description="`key` of a step of `/commissioning`")]
+
+
+class EndCommissioning(Timed):
+    """Write record and report; then the controller has the axis again."""
+
+    type: Literal["commission_end"]
+
+
 # Every message to the service; its JSON schema is `MESSAGES.json_schema()`.
 AnyMessage: TypeAlias = Annotated[
     Alive | Take | Give | Power | ChooseMode | Jog | Renew | Release | Increment | Move | MoveBy | Halt
-    | Stop | QuickStop | Reset | Acknowledge | Set | WriteNote | Arm | StartBrakeTest,
+    | Stop | QuickStop | Reset | Acknowledge | Set | WriteNote | Arm | StartBrakeTest
+    | BeginCommissioning | RunStep | EndCommissioning,
     Field(discriminator="type"),
 ]  # fmt: skip
 MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
@@ -302,15 +330,20 @@ SILENT: Final = frozenset({"alive", "renew"})
 # What goes on without a held key, or changes what outlasts the moment: the reply waits until the event is on the disk
 # (decision 0020). What stops the axis, what a held key does and what only prepares is answered at once.
 KEPT_FIRST: Final = frozenset(
-    {"power", "increment", "move", "move_by", "reset", "acknowledge", "set", "note", "brake_test"}
-)
+    {
+        "power", "increment", "move", "move_by", "reset", "acknowledge", "set", "note", "brake_test",
+        "commission_begin", "commission_step", "commission_end",
+    }
+)  # fmt: skip
 
 _ACTIONS: Final = {
     "take": Action.AUTHORITY, "give": Action.AUTHORITY, "alive": Action.VIEW, "power": Action.POWER,
     "mode": Action.MODE, "jog": Action.JOG, "renew": Action.JOG, "release": Action.VIEW,
     "increment": Action.JOG, "move": Action.MOVE, "move_by": Action.MOVE, "halt": Action.HALT, "stop": Action.STOP,
     "quick_stop": Action.QUICK_STOP, "reset": Action.RESET, "acknowledge": Action.ACKNOWLEDGE,
-    "note": Action.NOTE, "brake_test": Action.BRAKE_TEST,
+    "note": Action.NOTE,
+    "brake_test": Action.BRAKE_TEST, "commission_begin": Action.COMMISSION, "commission_step": Action.COMMISSION,
+    "commission_end": Action.COMMISSION,
 }  # fmt: skip
 
 

@@ -38,6 +38,7 @@ class Action(StrEnum):
     NOTE = "note"
     BRAKE_TEST = "brake_test"
     RESET_LOCKED = "reset_locked"
+    COMMISSION = "commission"
     TRACES = "traces"
     JOURNAL = "journal"
     USERS = "users"
@@ -78,6 +79,7 @@ RIGHTS: Final[dict[Action, Right]] = {
     Action.NOTE: Right(_MOVES, "write into the shift log"),
     Action.BRAKE_TEST: Right(_TUNES, "brake test", control=True),
     Action.RESET_LOCKED: Right(frozenset({Role.SERVICE}), "reset alarms that are locked", control=True),
+    Action.COMMISSION: Right(frozenset({Role.SERVICE}), "commission the drive, step by step", control=True),
     Action.TRACES: Right(_MOVES, "list and download recordings"),
     Action.JOURNAL: Right(_READS, "export the journal"),
     Action.USERS: Right(frozenset({Role.ADMIN}), "users (on the command line)"),

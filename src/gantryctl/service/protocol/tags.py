@@ -16,6 +16,16 @@ Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "pairs", "rows
 Rate: TypeAlias = Literal["20 Hz", "1 Hz", "on change"]
 
 
+class CommissioningPhase(Enum):
+    """What commissioning does; the labels of the tag `commissioning`."""
+
+    NONE = 0
+    SETTING_UP = 1
+    WAITING = 2
+    RUNNING = 3
+    ENDING = 4
+
+
 class Tag(NamedTuple):
     """One value that the service shows.
 
@@ -173,6 +183,16 @@ _ARMED: Final = (
          "A reset now meets something locked: it needs the service role, and `arm` first."),
 )  # fmt: skip
 
+_COMMISSIONING: Final = (
+    _out("commissioning_available", "", "bool", "on change", "This machine has a drive that is commissioned."),
+    _out("commissioning", "", "enum", "on change",
+         "What commissioning does; `none` while the controller has the axis. Else no program runs: `axis_state` is "
+         "disabled, and what the drive shows is told during a step only.", _labels(CommissioningPhase)),
+    _out("commissioning_step", "", "text", "on change", "Key of the step under way; empty without one."),
+    _may("commissioning_left_s", "s", "float", "20 Hz", "Time until that step ends, about; null without one."),
+    _out("commissioning_results", "", "int", "on change", "Read `/commissioning` again when it changes."),
+)  # fmt: skip
+
 _BRAKE: Final = (
     _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
     _out("brake_test_blocked", "", "text", "on change", "Why it cannot be tested here; empty when it can."),
@@ -249,7 +269,18 @@ _MACHINE: Final = (
     _out("alarm_history", "", "rows", "on change", "The last 50 alarms, newest first (rows below)."),
 )  # fmt: skip
 
-TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_ARMED, *_BRAKE, *_LIMITS, *_MACHINE)
+TAGS: Final = (
+    *_FRAME,
+    *_MOTION,
+    *_STATE,
+    *_HEALTH,
+    *_AUTHORITY,
+    *_ARMED,
+    *_COMMISSIONING,
+    *_BRAKE,
+    *_LIMITS,
+    *_MACHINE,
+)
 BY_NAME: Final = {tag.name: tag for tag in TAGS}
 
 

@@ -8,7 +8,7 @@ import os
 import socket
 import time
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
@@ -24,6 +24,13 @@ HANG_S: Final = 10.0
 START_S: Final = 60.0
 
 
+class Relief(NamedTuple):
+    """Another process in the place of a child, once: its name for people, and its command line."""
+
+    name: str
+    command: Sequence[str]
+
+
 class Child:
     """One process that is kept running.
 
@@ -31,6 +38,7 @@ class Child:
         handles: open files that it inherits.
         critical: the service ends when it cannot be kept running.
         beat_ns: when it last gave a sign of life, on CLOCK_MONOTONIC; None when it gives none.
+        relief: asked when it has ended: who takes its place until it is started again, None for nobody.
     """
 
     def __init__(
@@ -41,7 +49,9 @@ class Child:
         *,
         critical: bool = False,
         beat_ns: Callable[[], int] | None = None,
+        relief: Callable[[], Relief | None] = lambda: None,
     ) -> None:
+        self._relief = relief
         self.name, self._command, self._handles = name, list(command), tuple(handles)
         self.critical, self._beat_ns = critical, beat_ns
         self.process: asyncio.subprocess.Process | None = None
@@ -54,9 +64,17 @@ class Child:
         tries = 0
         while not self._ending.is_set():
             self._began_ns = time.monotonic_ns()
-            how = await self._run()
+            how = await self._run(self._command)
             if self._ending.is_set():
                 return
+            if (relief := self._relief()) is not None:
+                tries = 0
+                said(f"{relief.name} takes the place of the {self.name}")
+                how = await self._run(relief.command)
+                if self._ending.is_set():
+                    return
+                said(f"{relief.name} {how}; the {self.name} takes its place again")
+                continue
             ran_s = (time.monotonic_ns() - self._began_ns) * 1e-9
             tries = 0 if ran_s > _CALM_S else tries + 1
             if self.critical and tries > len(_PAUSES_S):
@@ -67,11 +85,11 @@ class Child:
             said(refusal(Code.SYS_06, process=self.name, how=again).line)
             await asyncio.sleep(pause_s)
 
-    async def _run(self) -> str:
+    async def _run(self, command: Sequence[str]) -> str:
         """Start it and wait; return how it ended."""
         try:
             self.process = await asyncio.create_subprocess_exec(
-                *self._command,
+                *command,
                 pass_fds=self._handles,
                 # No folder of a user: it could not be unmounted, and no relative path leads there.
                 cwd="/",

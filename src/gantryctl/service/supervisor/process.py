@@ -22,7 +22,7 @@ from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import CertificateWatch
-from gantryctl.service.supervisor.child import Child, notify
+from gantryctl.service.supervisor.child import Child, Relief, notify
 from gantryctl.service.supervisor.users import Users, UserWatch
 
 READY_S: Final = 20.0
@@ -45,6 +45,7 @@ class Options(NamedTuple):
         self_test: what its checks found, by their names, for the journal.
         page: its address for people, "" without a page.
         bus_log: file of all frames of the bus, None for none.
+        commissioning: its module, "" where this machine has nothing to commission.
     """
 
     policy: RetentionPolicy
@@ -54,6 +55,7 @@ class Options(NamedTuple):
     self_test: Mapping[str, str]
     page: str = ""
     bus_log: Path | None = None
+    commissioning: str = ""
 
 
 class Supervisor:
@@ -87,15 +89,23 @@ class Supervisor:
         # -P: a file `json.py` in the folder where somebody starts the service is no module of it.
         run = [sys.executable, "-P", "-m"]
         # Modules by these names: they show in the list of processes.
-        controller = [*run, "gantryctl.service.controller", str(handle), str(config), config_hash(machine)]
-        controller.append(str(options.users.root))
+        opens = [str(handle), str(config), config_hash(machine), str(options.users.root)]
         if options.second_person:
-            controller.append("--second-person")
+            opens.append("--second-person")
+        controller = [*run, "gantryctl.service.controller", *opens]
+        # It has the axis and its bus while the controller has not, and the same place at the shared memory.
+        commissioning = Relief("commissioning", [*run, options.commissioning, *opens])
         # All but the recorder hold one end of a pipe, this process too: its other end tells the recorder when they are
         # gone, however they went, so that it ends last.
         others, self._here = os.pipe()
-        self.controller = Child("controller", controller, [handle, self._here], critical=True)
         words = self.memory.words
+
+        def relief() -> Relief | None:
+            # Taken once: a controller that is killed later is followed by a controller.
+            wanted, words[Word.COMMISSIONING] = words[Word.COMMISSIONING], 0
+            return commissioning if wanted and options.commissioning else None
+
+        self.controller = Child("controller", controller, [handle, self._here], critical=True, relief=relief)
         recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory), options.policy.to_json()]
         recorder += [str(others)]
         recorder += [] if options.bus_log is None else [str(options.bus_log)]

@@ -1,0 +1,277 @@
+"""Commands to a commissioning in the controller's place: who may what, and what stops the step under way."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning import Commissioning, Step
+from gantryctl.commissioning.in_service.board import Board
+from gantryctl.commissioning.in_service.desk import Desk
+from gantryctl.machine import configs_folder, load_machine
+from gantryctl.operation.client import Stop
+from gantryctl.operation.store import StateStore
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.memory.snapshot import FAST, Snapshot
+from gantryctl.service.protocol.frames import mark_of
+from gantryctl.service.protocol.limits import ARMED_S, SILENCE_S, WATCHED_S
+from gantryctl.service.protocol.messages import WITHOUT_EPOCH, Identity, to_record
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.protocol.tags import BY_NAME
+
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
+ANNA = Identity("a", "anna", Role.SERVICE, "console")
+REMOTE = Identity("r", "remy", Role.SERVICE, "10.0.0.7")
+OTHER = Identity("o", "otto", Role.SERVICE, "console")
+VIEWER = Identity("v", "vera", Role.VIEWER, "10.0.0.8")
+LOOK_S = 0.005
+
+
+class Room:
+    """A desk in virtual time, and people in front of it."""
+
+    def __init__(self, work: Commissioning) -> None:
+        self.memory = SharedMemory.create()
+        self.memory.words[Word.RECORDER_NS] = 2**62  # alive for ever
+        self.now_s, self._seq, self.lively = 100.0, 0, True
+        self.work, self.board = work, Board(self.memory)
+        self.desk = Desk(MACHINE, self.memory, self.board, lambda: work.watch, now=lambda: self.now_s)
+        self.board.show(work)
+        self.desk.set_up()
+        self.go(0.02)
+
+    def go(self, seconds: float) -> None:
+        """The desk looks as often as it does, and whoever has control gives signs of life as a page does."""
+        for k in range(round(seconds / LOOK_S)):
+            holder = self.desk.authority.holder
+            if self.lively and holder is not None and k % 80 == 0:
+                self.send(holder, "alive")
+            self.desk.look()
+            self.now_s += LOOK_S
+
+    def mark(self, who: Identity) -> str:
+        """Of the status frame that a connection would get now."""
+        frames = self.desk.frames
+        return mark_of(frames.issued_ms, frames.key, who.client)
+
+    def send(self, who: Identity, kind: str, **values: Any) -> int:
+        self._seq += 1
+        raw = {"type": kind, "seq": self._seq, "frame": self.mark(who), **values}
+        if kind not in WITHOUT_EPOCH:
+            raw["epoch"] = self.desk.authority.epoch
+        assert self.memory.commands[Source.WEB].put(to_record(who, raw))
+        return self._seq
+
+    def ask(self, who: Identity, kind: str, **values: Any) -> str:
+        """Send and look; "" when it was done, else the code."""
+        seq = self.send(who, kind, **values)
+        self.go(LOOK_S)
+        while (record := self.memory.replies[Source.WEB].take()) is not None:
+            client, reply = json.loads(record)
+            if (client, reply["seq"]) == (who.client, seq):
+                return str(reply["code"])
+        raise AssertionError(f"no reply to {kind}")
+
+    def leave(self, who: Identity) -> None:
+        """The connection has ended, as the gateway says."""
+        assert self.memory.commands[Source.WEB].put(to_record(who, {"type": "gone"}))
+
+    def begun(self, key: str = "identity", who: Identity = ANNA) -> Step:
+        """A step that has begun, as its thread gets it."""
+        assert self.ask(who, "take", over=False) == ""
+        if key != "identity":
+            assert self.ask(who, "arm", action="commission") == ""
+        assert self.ask(who, "commission_step", step=key) == ""
+        step = self.desk.next_order()
+        assert step is not None
+        assert step.key == key
+        assert not self.desk.halt.asked()
+        return step
+
+    @property
+    def tags(self) -> dict[str, Any]:
+        self.go(2 * LOOK_S)
+        snapshot = Snapshot(self.memory)
+        return {**snapshot.fast()[0], **snapshot.slow()}
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Commissioning]:
+    """Set up; no step has been run."""
+    folder = tmp_path_factory.mktemp("work")
+    with StateStore(MACHINE, folder) as store:
+        made = Commissioning(MACHINE, store, folder, lambda line: None, lambda step: True)
+        made.start(again=False)
+        yield made
+
+
+@pytest.fixture
+def room(work: Commissioning) -> Room:
+    return Room(work)
+
+
+@pytest.fixture
+def free_room(room: Room, monkeypatch: pytest.MonkeyPatch) -> Room:
+    """Every step's turn has come."""
+    monkeypatch.setattr(room.board, "check_turn", lambda step: None)
+    return room
+
+
+def test_only_service_with_control_begins_a_step(room: Room) -> None:
+    for role in Role:
+        who = Identity(role, role, role, "console")
+        expected = "SEC-07" if role is Role.SERVICE else "SEC-01"
+        assert room.ask(who, "commission_step", step="identity") == expected
+        assert room.ask(who, "commission_end") == expected
+    room.begun()
+    assert (room.tags["commissioning"], room.tags["commissioning_step"]) == ("running", "identity")
+    assert room.tags["authority_user"] == "anna"
+
+
+def test_a_second_client_is_refused(room: Room) -> None:
+    room.begun()
+    assert room.ask(OTHER, "commission_step", step="identity") == "SEC-07"
+    assert room.ask(OTHER, "take", over=False) == "SEC-07"
+    assert room.ask(ANNA, "commission_step", step="identity") == "CTL-14"
+    assert room.ask(ANNA, "commission_end") == "CTL-14"
+
+
+def test_steps_have_their_turn_and_the_axis_no_other_commands(room: Room) -> None:
+    assert room.ask(ANNA, "take", over=False) == ""
+    assert room.ask(ANNA, "commission_step", step="encoder") == "CTL-14"
+    assert room.ask(ANNA, "commission_step", step="nothing") == "CTL-14"
+    # Hands at the inputs and an instrument at the load are beside no page.
+    assert room.ask(ANNA, "commission_step", step="wiring") == "CTL-14"
+    assert room.ask(ANNA, "commission_step", step="accuracy") == "CTL-14"
+    for kind, values in (
+        ("power", {"on": True}),
+        ("move", {"target_deg": 1.0}),
+        ("commission_begin", {}),
+        ("reset", {}),
+        ("mode", {"mode": "continuous"}),
+        ("arm", {"action": "brake_test"}),
+    ):
+        assert room.ask(ANNA, kind, **values) == "CTL-14", kind
+
+
+def test_a_step_that_moves_is_armed_at_the_console(free_room: Room) -> None:
+    room = free_room
+    assert room.ask(ANNA, "take", over=False) == ""
+    assert room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
+    assert room.ask(ANNA, "arm", action="commission") == ""
+    room.go(1.01 * ARMED_S)
+    assert room.ask(ANNA, "commission_step", step="velocity") == "SEC-10", "too late"
+    # A stop by anybody in between: what was armed is void.
+    assert room.ask(ANNA, "arm", action="commission") == ""
+    assert room.ask(VIEWER, "stop") == ""
+    assert room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
+    assert room.ask(ANNA, "give") == ""
+    assert room.ask(REMOTE, "take", over=False) == ""
+    assert room.ask(REMOTE, "arm", action="commission") == ""
+    assert room.ask(REMOTE, "commission_step", step="velocity") == "CTL-14", "not beside the machine"
+    # What moves nothing may be begun from anywhere.
+    assert room.ask(REMOTE, "commission_step", step="identity") == ""
+    assert room.ask(REMOTE, "give") == ""
+
+
+@pytest.mark.parametrize(("kind", "urgency"), [("stop", Stop.RAMP), ("quick_stop", Stop.QUICK)])
+def test_a_stop_from_any_page_ends_the_step(free_room: Room, kind: str, urgency: Stop) -> None:
+    free_room.begun("velocity")
+    assert free_room.ask(VIEWER, kind) == ""
+    assert free_room.desk.halt.urgency is urgency
+    assert "vera" in free_room.desk.halt.why
+
+
+def test_a_stop_is_heard_behind_a_flood_of_commands(free_room: Room) -> None:
+    free_room.begun("velocity")
+    for _ in range(100):
+        free_room.send(REMOTE, "commission_end")
+    free_room.send(VIEWER, "stop")
+    # 32 records of the ring in a look.
+    free_room.go(4 * LOOK_S)
+    assert free_room.desk.halt.asked()
+
+
+@pytest.mark.parametrize("key", ["identity", "velocity"])
+def test_a_page_that_is_gone_or_silent_ends_the_step(free_room: Room, key: str) -> None:
+    room = free_room
+    room.begun(key)
+    room.leave(ANNA)
+    room.go(LOOK_S)
+    assert room.desk.halt.asked()
+    room.desk.step_ended()
+
+    room.begun(key)
+    room.go(3.0)
+    assert not room.desk.halt.asked(), "its page is alive"
+    room.lively = False
+    room.send(ANNA, "alive")
+    room.go(WATCHED_S - 2 * LOOK_S)
+    assert not room.desk.halt.asked()
+    room.go(4 * LOOK_S)
+    assert room.desk.halt.asked()
+    room.go(SILENCE_S)
+    assert room.desk.authority.holder is None
+
+
+def test_a_gateway_that_starts_again_ends_the_step(free_room: Room) -> None:
+    free_room.begun("velocity")
+    nobody = Identity("", "", Role.VIEWER, "web")
+    assert free_room.memory.commands[Source.WEB].put(to_record(nobody, {"type": "restart"}))
+    free_room.go(LOOK_S)
+    assert free_room.desk.halt.asked()
+
+
+def test_control_that_is_given_back_ends_the_step_and_cannot_be_taken_over_in_motion(free_room: Room) -> None:
+    room = free_room
+    room.begun("velocity")
+    assert room.ask(OTHER, "take", over=True) == "SEC-08"
+    assert not room.desk.halt.asked()
+    assert room.ask(ANNA, "give") == ""
+    assert room.desk.halt.asked()
+
+
+def test_signs_of_life_with_an_old_picture_do_not_count(free_room: Room) -> None:
+    room = free_room
+    room.begun("velocity")
+    old = room.mark(ANNA)
+    room.lively = False
+    for _ in range(30):
+        room.go(0.05)
+        room.send(ANNA, "alive", frame=old)
+    assert room.desk.halt.asked()
+
+
+def test_a_desk_that_has_failed_ends_the_step(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    free_room.begun("velocity")
+
+    def fails() -> None:
+        raise RuntimeError("planted")
+
+    monkeypatch.setattr(free_room.desk, "look", fails)
+    with pytest.raises(RuntimeError):
+        free_room.desk.run()
+    assert free_room.desk.halt.asked()
+    assert free_room.desk.next_order() is None
+
+
+def test_tags_that_may_not_be_null_are_not(free_room: Room) -> None:
+    free_room.begun("velocity")
+    tags = free_room.tags
+    assert {name for name in FAST if tags[name] is None and not BY_NAME[name].null} == set()
+    assert tags["pos_act_deg"] is None
+    assert math.isfinite(tags["armed_left_s"])
+    assert tags["at_rest"] is False
+    assert tags["blocked_by"] == "the axis is being commissioned: end the commissioning first"
+
+
+def test_the_end_is_an_order(room: Room) -> None:
+    assert room.ask(ANNA, "take", over=False) == ""
+    assert room.ask(ANNA, "commission_end") == ""
+    assert room.desk.next_order() is None
+    assert room.tags["commissioning"] == "ending"
+    assert room.ask(ANNA, "commission_step", step="identity") == "CTL-14"
