@@ -1,8 +1,10 @@
 // English texts; zh.ts has the same keys, the compiler sees to it.
 import { en as scope } from './scope/en';
+import { en as shift } from './shift/en';
 
 export const en = {
   ...scope,
+  ...shift,
   // areas and frame
   areas: 'Areas',
   display: 'Display',
@@ -27,7 +29,7 @@ export const en = {
   done: 'Done.',
   refused: 'Refused',
   off: 'The service cannot be reached.',
-  keys_hint: 'Keys: digits choose the area, Esc is Stop.',
+  keys_hint: 'Keys: digits choose the area, Esc is Stop, F1 is help.',
   no_answer: 'No answer from the controller.',
   no_connection: 'No connection: the command was not sent. Use the stop devices at the machine.',
   link_ok: 'Connected',

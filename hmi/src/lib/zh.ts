@@ -1,9 +1,11 @@
 // 中文文本；键与 en.ts 相同，由编译器检查。
 import type { Key } from './en';
 import { zh as scope } from './scope/zh';
+import { zh as shift } from './shift/zh';
 
 export const zh: Record<Key, string> = {
   ...scope,
+  ...shift,
   areas: '区域',
   display: '显示',
   operation: '操作',
@@ -27,7 +29,7 @@ export const zh: Record<Key, string> = {
   done: '已完成。',
   refused: '被拒绝',
   off: '无法连接服务。',
-  keys_hint: '按键：数字键选择区域，Esc 为停止。',
+  keys_hint: '按键：数字键选择区域，Esc 为停止，F1 为帮助。',
   no_answer: '控制器没有应答。',
   no_connection: '没有连接：命令未发送。请使用机器上的停止装置。',
   link_ok: '已连接',
