@@ -11,6 +11,7 @@ import random
 import pytest
 
 from gantryctl.image import Mode
+from gantryctl.machine import configs_folder, load_machine
 from gantryctl.program import AxisState, PowerPhase
 from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, action_of, checked
@@ -349,3 +350,19 @@ def test_random_gestures_never_leave_the_axis_moving_without_a_hand_on_the_key(s
             )
         bench.scans(round((LEASE_S + RAMP_S) * 1000) + 5)
         assert bench.axis.at_rest, (number, ending)
+
+
+@pytest.mark.parametrize("on_bus", [False, True])
+def test_the_axis_is_handed_over_for_commissioning_with_power_off_and_a_drive_on_a_bus(on_bus: bool) -> None:
+    bench = Bench(machine=load_machine(configs_folder() / "hust_can.toml")) if on_bus else Bench()
+    who = bench.who(Role.SERVICE)
+    assert bench.refused(who, "commission_begin") == "SEC-07"
+    bench.do(who, "take", over=False)
+    assert bench.refused(who, "commission_step", step="identity") == "CTL-14"
+    if not on_bus:
+        assert bench.refused(who, "commission_begin") == "CTL-14"
+        assert not bench.operator.shutdown
+        return
+    bench.do(who, "commission_begin")
+    assert (bench.operator.shutdown, bench.operator.hands_over) == (True, True)
+    assert not bench.operator.levels.power
