@@ -121,7 +121,8 @@ page: setup hmi/node_modules/.package-lock.json
 
 # What is committed is what the sources give, byte for byte.
 page-check: hmi/node_modules/.package-lock.json
-	cd hmi && npm run --silent lint && npm run --silent check && npm run --silent build -- --outDir ../build/page
+	cd hmi && npm run --silent lint && npm run --silent check && npm run --silent test
+	cd hmi && npm run --silent build -- --outDir ../build/page
 	diff -r build/page src/gantryctl/gateway/page
 	cd hmi && npm run --silent build-report -- --outDir ../build/report
 	diff -r build/report src/gantryctl/engineering/report/viewer

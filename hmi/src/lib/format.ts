@@ -16,6 +16,11 @@ export function rpm(deg_s: number | null | undefined): number | null {
   return deg_s == null ? null : deg_s / 6;
 }
 
+/** A speed of the axis in both units that people use. */
+export function speedText(deg_s: number | null | undefined, decimals: number): string {
+  return `${num(deg_s, decimals)} °/s (${num(rpm(deg_s), decimals + 1)} r/min)`;
+}
+
 /** A number typed by a person: comma or point, any minus; null when it is none. */
 export function typed(text: string): number | null {
   const clean = text.trim().replace(',', '.').replace('−', '-');

@@ -163,7 +163,7 @@ class Link {
     this.tags = { ...this.tags, ...status.tags };
     if (status.fresh && late_ms < this.#limit_ms()) {
       this.#freshAt = now - late_ms;
-      this.history.add(this.tags);
+      this.history.add(this.tags, (Date.now() - late_ms) / 1000);
       this.heard.forEach((hear) => hear());
     }
     this.#judge();

@@ -46,6 +46,13 @@ export function clock(at: string): string {
   return Number.isNaN(when.getTime()) ? at : when.toLocaleString(place());
 }
 
+/** The time of day alone, with so many decimals of its seconds. */
+export function timeOfDay(seconds: number, decimals: 0 | 1 | 2 | 3 = 0): string {
+  const parts = { hour: '2-digit', minute: '2-digit', second: '2-digit', hour12: false } as const;
+  const fraction = decimals === 0 ? {} : { fractionalSecondDigits: decimals };
+  return new Date(1000 * seconds).toLocaleTimeString(place(), { ...parts, ...fraction });
+}
+
 /** The date alone. */
 export function day(at: string): string {
   const when = new Date(at);

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -114,7 +115,7 @@ def test_display_shows_what_the_controller_says(page: Page, watcher: Watcher) ->
 
 
 def test_strip_chart_pauses_and_exports_what_it_shows(page: Page, tmp_path: Path) -> None:
-    page.locator(".u-legend .u-value").first.filter(has_text=" s").wait_for()
+    page.locator(".u-legend .u-value").first.filter(has_text=":").wait_for()
     page.get_by_role("button", name="Pause").click()
     expect(page.get_by_text("PAUSED")).to_be_visible()
     shown = page.locator(".u-legend").inner_text()
@@ -128,7 +129,14 @@ def test_strip_chart_pauses_and_exports_what_it_shows(page: Page, tmp_path: Path
     times = [float(row["time_s"]) for row in rows]
     assert times == sorted(times)
     assert page.locator(".u-legend").inner_text() == shown
-    assert f"{times[-1]:.2f} s" in shown
+    # The time of day of this place in the legend, UTC in the file: of the same moment, to the hundredth that is shown.
+    last = datetime.fromisoformat(rows[-1]["utc"])
+    told = re.search(r"(\d\d):(\d\d):(\d\d\.\d\d)", shown)
+    assert told is not None
+    assert (60 * int(told[2]) + float(told[3]) - 60 * last.minute - last.second) % 3600 == pytest.approx(
+        last.microsecond / 1e6, abs=0.011
+    )
+    assert abs((datetime.now(UTC) - last).total_seconds()) < 60.0
 
 
 def test_operation_power_increment_move_and_halt(page: Page, watcher: Watcher) -> None:
@@ -185,7 +193,7 @@ def test_alarms_first_out_acknowledge_and_reset(page: Page, watcher: Watcher) ->
     expect(page.locator(".overview .alarm [data-tag=axis_state]")).to_have_text("Error stop")
     page.keyboard.press("4")
     active = page.get_by_role("table", name="Active alarms")
-    expect(active).to_contain_text("first out")
+    expect(active).to_contain_text("came first")
     expect(page.get_by_label("The chosen alarm")).to_contain_text("What to do")
     page.get_by_role("button", name="Acknowledge").click()
     expect(active).to_contain_text("service")

@@ -51,7 +51,9 @@ def test_it_moves_while_held_with_a_lease_that_can_be_seen(
     page = jogging(context, page_service, watcher)
     key = page.locator("[data-hold=forward]")
     expect(key).to_have_attribute("aria-pressed", "true")
-    expect(key.locator(".lease")).to_contain_text("lease 2")  # 200 to 250 ms: renewed every 30 ms
+    expect(key.locator(".lease")).to_contain_text(
+        "stops by itself in 2"
+    )  # 200 to 250 ms: renewed every 30 ms
     page.mouse.up()
     at_rest_before(watcher, farthest_deg(watcher, lease_s=0.0))
     expect(page.get_by_text("Released.")).to_be_visible()

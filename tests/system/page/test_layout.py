@@ -14,7 +14,7 @@ from playwright.sync_api import Page, Playwright, expect
 
 from gantryctl.program import ALARMS
 from support.browser import CHROMIUM, FLAGS
-from support.page_geometry import faults_of_layout
+from support.page_geometry import faults_of_layout, grey_without_reason
 from support.page_shown import IN_CONTROL, Shown
 
 pytestmark = pytest.mark.timeout(300)
@@ -84,6 +84,7 @@ def test_nothing_overlaps_and_stop_is_reached_in_every_window(shown: Shown) -> N
         for size in SIZES if area == "display" else (SIZES[0], SIZES[3]):
             shown.resize(*size)
             assert faults(shown) == [], (area, size)
+            assert grey_without_reason(shown.page) == [], (area, size)
             if area == "display":
                 assert_stop_reached(shown)
 
@@ -100,6 +101,7 @@ def test_every_area_in_every_window_language_and_theme(shown: Shown, language: s
             for size in SIZES:
                 shown.resize(*size)
                 assert faults(shown) == [], (area, size)
+                assert grey_without_reason(shown.page) == [], (area, size)
                 assert heavy_findings(shown.page) == [], (area, size)
                 assert_stop_reached(shown)
 
@@ -124,6 +126,7 @@ PLANTED = {
     "spills": "document.querySelector('[data-area] .panel').style.height = '3rem'",
     "outside": "document.querySelector('.who').style.marginRight = '-40px'",
     "small": "document.querySelector('.who button').style.cssText = 'min-height: 30px; height: 30px'",
+    "grey": "document.getElementById('mode-why').remove()",
     "not in sight": "document.body.insertAdjacentHTML('beforeend', '<p class=planted>over Stop</p>');"
     " document.querySelector('.planted').style.cssText = 'position: fixed; inset: 0; background: white'",
 }
@@ -135,7 +138,10 @@ def test_a_planted_fault_is_found(shown: Shown, fault: str) -> None:
     shown.go("operation")
     shown.resize(1024, 768)
     shown.page.evaluate(f"() => {{ {PLANTED[fault]} }}")
-    assert any(each.startswith(fault) for each in faults_of_layout(shown.page))
+    if fault == "grey":
+        assert grey_without_reason(shown.page) == ["none", "continuous", "incremental"]
+    else:
+        assert any(each.startswith(fault) for each in faults_of_layout(shown.page))
 
 
 def test_no_motion_is_offered_where_stop_cannot_be_pressed(shown: Shown) -> None:
