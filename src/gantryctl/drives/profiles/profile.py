@@ -51,6 +51,11 @@ Words = Annotated[str, Field(min_length=1, max_length=300)]
 Positive = Annotated[float, Field(gt=0.0)]
 
 
+def _tried(value: object) -> Tried:
+    # The class itself would do, but its signature on Python 3.12 is not that of a validator.
+    return Tried(value)
+
+
 def _as_tuple(given: object) -> object:
     return tuple(given) if isinstance(given, list) else given
 
@@ -201,7 +206,7 @@ class DriveProfile(_Part):
     name: str
     maker: Words
     model: Words
-    tried: Annotated[Tried, BeforeValidator(Tried)]
+    tried: Annotated[Tried, BeforeValidator(_tried)]
     sources: Annotated[Names, Field(min_length=1)]
     table: str = ""
     """Name of the drive in the shipped object table; empty where nobody has its dictionary."""
