@@ -12,11 +12,12 @@ import pytest
 
 import gantryctl.wiring
 
-MODULES_MAX = 226
+MODULES_MAX = 227
 """Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger and the
 nodes beside the drive came, 203 before the power sequence got its parts,
 208 before requirement, turns of a modulo axis and no-go sectors, 216 before the further blocks of PLCopen and
-of IEC 61131-3, 224 before frames were sealed and unclean ends told."""
+of IEC 61131-3, 224 before frames were sealed and unclean ends told,
+226 before power that nobody holds was switched off."""
 
 ON_BUS = """
 from gantryctl.service.controller import process

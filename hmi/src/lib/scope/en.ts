@@ -23,7 +23,7 @@ export const en = {
   scope_waits: 'Waits for the trigger.',
   scope_live: 'What comes in now',
   scope_empty: 'Nothing is shown yet.',
-  scope_first: 'Press Start, open a file, or open a recording.',
+  scope_first: 'Press Start, or open a file.',
   scope_scan: 'a sample in every scan, {ms} ms, of what a recording has; of all else one in a status frame',
   scope_slow: 'power is off: samples come with the status frames',
   scope_missed: '{n} samples missed',

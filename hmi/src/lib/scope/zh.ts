@@ -25,7 +25,7 @@ export const zh: Record<keyof typeof en, string> = {
   scope_waits: '等待触发。',
   scope_live: '实时数据',
   scope_empty: '尚无显示。',
-  scope_first: '请按“开始”，打开文件，或打开录制。',
+  scope_first: '请按“开始”，或打开文件。',
   scope_scan: '录制中的量每个扫描周期 {ms} ms 采样一次；其他量每个状态帧采样一次',
   scope_slow: '动力已断开：随状态帧采样',
   scope_missed: '丢失 {n} 个采样',
