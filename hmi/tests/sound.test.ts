@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { loudness } from './loudness';
+import { loudness } from '../src/lib/shift/loudness';
 
 test('the first beep is quiet, and none is louder than the most', () => {
   const beeps = [0, 1, 2, 3, 4, 100].map(loudness);

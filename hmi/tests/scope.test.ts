@@ -1,8 +1,8 @@
 import { expect, test } from 'vitest';
-import { Acquisition, type Setting } from './acquisition';
-import { identifiers, marksOf, telegrams } from './buslog';
-import { fromFile, toFile, type Capture } from './capture';
-import { ALARM, Trigger, type Slope } from './trigger';
+import { Acquisition, type Setting } from '../src/lib/scope/acquisition';
+import { identifiers, marksOf, telegrams } from '../src/lib/scope/buslog';
+import { fromFile, toFile, type Capture } from '../src/lib/scope/capture';
+import { ALARM, Trigger, type Slope } from '../src/lib/scope/trigger';
 
 function fired(values: (number | null)[], slope: Slope, level = 1, source = 'x'): number[] {
   const trigger = new Trigger({ source, level, slope });
