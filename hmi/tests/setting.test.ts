@@ -13,7 +13,7 @@ let shown: Record<string, unknown> | undefined;
 
 beforeEach(() => {
   link.stale = false;
-  link.welcome = { client: MINE, may: ['set_speed', 'power', 'stop'] } as unknown as Welcome;
+  link.welcome = { client: MINE, may: ['set_speed', 'power', 'commission', 'stop'] } as unknown as Welcome;
   link.tags = { authority_client: MINE, speed_setting_deg_s: 0.6 };
 });
 afterEach(() => {
@@ -82,6 +82,7 @@ describe('motion and Stop', () => {
   test('what starts motion is not offered while Stop is out of sight; what stops always is', () => {
     sight.look(); // no Stop in this document
     expect(whyNot('power')).toBe('why_no_stop');
+    expect(whyNot('commission')).toBe('why_no_stop'); // a step may move the axis
     expect(whyNot('set_speed')).toBe('');
     shown = mount(Stops, { target: document.body });
     const keys = [...document.querySelectorAll<HTMLElement>('[data-stop]')];

@@ -5,10 +5,12 @@ Text is measured as it is drawn, by the boxes of its lines, without the leading 
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Page
 
+AXE = Path(__file__).resolve().parents[2] / "hmi" / "node_modules" / "axe-core" / "axe.min.js"
 TARGET_PX = 44
 """A finger: the least width and height of whatever can be pressed (WCAG 2.2, 2.5.5)."""
 
@@ -116,3 +118,16 @@ def grey_without_reason(page: Page) -> list[str]:
     """Names of buttons that are not offered and have no visible text that says why."""
     found: list[Any] = page.evaluate(_GREY)
     return [str(each) for each in found]
+
+
+def heavy_findings(page: Page) -> list[str]:
+    """What axe-core finds that is serious or critical."""
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found: list[dict[str, Any]] = page.evaluate(
+        "async () => (await axe.run(document, { resultTypes: ['violations'] })).violations"
+    )
+    return [
+        f"{each['impact']} {each['id']}: {[node['target'] for node in each['nodes']][:5]}"
+        for each in found
+        if each["impact"] in ("serious", "critical")
+    ]

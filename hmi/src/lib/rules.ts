@@ -5,7 +5,7 @@ import { sight } from './sight.svelte';
 import { RIGHTS, type Action } from './tables';
 
 /** What moves the axis, or lets it move. */
-const STARTS = new Set<Action>(['power', 'mode', 'jog', 'move', 'brake_test']);
+const STARTS = new Set<Action>(['power', 'mode', 'jog', 'move', 'brake_test', 'commission']);
 const CONTROLLED = new Set(RIGHTS.filter((right) => right.control).map((right) => right.action));
 
 /** The text that says why not, or empty. `more` are further conditions, the first that fails counts. */

@@ -6,21 +6,19 @@ What it shows is the longest that there is: it is the words and numbers that ove
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, Playwright, expect
+from playwright.sync_api import Playwright, expect
 
 from gantryctl.program import ALARMS
 from support.browser import CHROMIUM, FLAGS
-from support.page_geometry import faults_of_layout, grey_without_reason
+from support.page_geometry import faults_of_layout, grey_without_reason, heavy_findings
 from support.page_shown import IN_CONTROL, Shown
 
 pytestmark = pytest.mark.timeout(300)
 AREAS = ("display", "operation", "settings", "alarms", "diagnosis")
 SIZES = ((360, 640), (640, 360), (768, 1024), (1024, 768), (1280, 800), (1920, 1080))
-AXE = Path(__file__).resolve().parents[3] / "hmi" / "node_modules" / "axe-core" / "axe.min.js"
 
 _LONGEST_TITLES = sorted(ALARMS.values(), key=lambda each: len(each.english.title))[-4:]
 CROWDED: dict[str, Any] = {
@@ -104,19 +102,6 @@ def test_every_area_in_every_window_language_and_theme(shown: Shown, language: s
                 assert grey_without_reason(shown.page) == [], (area, size)
                 assert heavy_findings(shown.page) == [], (area, size)
                 assert_stop_reached(shown)
-
-
-def heavy_findings(page: Page) -> list[str]:
-    """What axe-core finds that is serious or critical."""
-    page.evaluate(AXE.read_text(encoding="utf-8"))
-    found: list[dict[str, Any]] = page.evaluate(
-        "async () => (await axe.run(document, { resultTypes: ['violations'] })).violations"
-    )
-    return [
-        f"{each['impact']} {each['id']}: {[node['target'] for node in each['nodes']][:5]}"
-        for each in found
-        if each["impact"] in ("serious", "critical")
-    ]
 
 
 PLANTED = {

@@ -48,6 +48,15 @@ def test_a_short_run_shows_nothing_and_a_long_one_its_end() -> None:
     assert 15 <= len(said) <= 60
 
 
+def test_what_is_left_is_not_known_before_anything_is_done() -> None:
+    clock = Clock()
+    meter = Meter(lambda text: None, 100.0, clock)
+    clock.now_s = 1.0
+    assert math.isnan(meter.left_s)
+    meter.advance(1.0)
+    assert meter.left_s == pytest.approx(99.0)
+
+
 def test_a_run_that_is_late_is_nearly_done_and_never_done() -> None:
     clock, said = Clock(), []
     meter = Meter(said.append, 1.0, clock)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -51,8 +52,8 @@ class Meter:
 
     @property
     def left_s(self) -> float:
-        """Time that is left for the person who waits, about, s."""
-        return self._left_s(self._now_s())
+        """Time that is left for the person who waits, about, s; NaN before anything is done."""
+        return self._left_s(self._now_s()) if self.done > 0.0 else math.nan
 
     def _left_s(self, now_s: float) -> float:
         return max(1.0, (now_s - self._begun_s) * (1.0 - self.part) / max(self.part, 1e-6))
