@@ -53,7 +53,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 def _tried(value: object) -> Tried:
     # The class itself would do, but its signature on Python 3.12 is not that of a validator.
-    return Tried(value)
+    return Tried(str(value))
 
 
 def _as_tuple(given: object) -> object:
