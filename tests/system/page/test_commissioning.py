@@ -21,7 +21,7 @@ from support.page_shown import IN_CONTROL, Shown
 from support.service_process import Service, add_users
 
 pytestmark = pytest.mark.timeout(600)
-TELEPHONE = (360, 640)
+SIZES = ((360, 640), (640, 360), (1024, 768), (1920, 1080))
 STILL = ("identity", "encoder", "defaults", "parameters", "pdo", "sync", "nodes")
 BEFORE_VELOCITY = (*STILL, "silence", "watchdog", "brake", "sign")
 # Processes take turns, on a busy computer.
@@ -106,11 +106,29 @@ def assert_fits(shown: Shown, size: tuple[int, int], where: object) -> None:
     shown.scroll(0)
 
 
-@pytest.mark.parametrize("phase", ["none", "still"])
+@pytest.mark.parametrize("phase", ["none", "moves"])
 def test_the_panel_fits_a_telephone_and_has_no_findings(shown: Shown, phase: str) -> None:
     show(shown, phase)
-    assert_fits(shown, TELEPHONE, phase)
+    assert_fits(shown, SIZES[0], phase)
     assert heavy_findings(shown.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("language", ["en", "zh"])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_panel_fits_every_window(shown: Shown, language: str, theme: str) -> None:
+    for phase in PHASES:
+        show(shown, phase, language, theme)
+        for size in SIZES:
+            assert_fits(shown, size, (phase, size))
+            assert heavy_findings(shown.page) == [], (phase, size)
+
+
+def test_a_planted_fault_of_the_panel_is_found(shown: Shown) -> None:
+    panel = show(shown, "moves")
+    panel.evaluate("(e) => { e.querySelector('.proof').style.whiteSpace = 'nowrap' }")
+    with pytest.raises(AssertionError, match=r"outside|spills"):
+        assert_fits(shown, SIZES[0], "planted")
 
 
 def test_what_moves_is_named_and_is_offered_at_the_machine_only(shown: Shown) -> None:
@@ -120,6 +138,11 @@ def test_what_moves_is_named_and_is_offered_at_the_machine_only(shown: Shown) ->
     expect(step.get_by_role("button", name="Arm")).to_be_disabled()
     expect(step.get_by_role("button", name="Run this step")).to_be_disabled()
     expect(step).to_contain_text("console")
+    # What comes after it waits for it, what came before may be done again.
+    panel.locator("tr[data-key=pdo]").get_by_role("button", name="Again").click()
+    step = panel.locator(".nextstep[data-step=pdo]")
+    expect(step).to_contain_text("Nothing moves in it.")
+    assert "commission_step" in shown.tap(".nextstep[data-step=pdo] button")
     show(shown, "running")
     expect(panel.get_by_role("status").first).to_have_text("step under way · Stops · 22 s left")
     expect(panel.get_by_role("button", name="End commissioning")).to_be_disabled()
