@@ -24,7 +24,8 @@ const Kernels* table(const void* kernels) { return static_cast<const Kernels*>(k
 
 #if defined(GANTRY_ISA_DISPATCH)
 
-// The processor is asked itself (Intel SDM 2A, CPUID leaves 1 and 7; 1, 13.2 for XCR0): Zig's run-time library leaves
+// The processor is asked itself (Intel SDM 2A, CPUID leaves 1 and 7; 1, 13.2 for XCR0): Zig's run-time
+// library leaves
 // __builtin_cpu_supports at 0, and its wheels would run on the baseline only.
 struct Processor {
   bool avx2 = false;

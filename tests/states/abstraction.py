@@ -68,6 +68,7 @@ from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.round_trip import RoundTrip
+from gantryctl.service.command.unheld import UnheldPower
 from states.people import Now, Panel
 from states.snapshot import names_of
 from states.stub_drive import StubDrive
@@ -436,17 +437,19 @@ RULES: Final[dict[type, Rules]] = {
         special={"_tests": lambda block, roots: block.busy and block._tests == roots.axis.brake_test.count},
     ),
     ServiceOperator: Rules(
-        same="_gap _test_ended shutdown",
+        same="_gap _test_ended hands_over shutdown",
         count="_stop_scans",
-        part="_inbox arming authority frames hold permit",
+        part="_inbox arming authority frames hold permit unheld",
         clock="_acting _refusals",
-        fixed="_acknowledge _keys events now program ranges",
+        fixed="_acknowledge _keys _on_bus events now program ranges",
         unread="refusals",
         special={
             "levels": _levels("levels"),
             "_test_epoch": lambda operator, _: operator._test_epoch == operator.authority.epoch,
         },
     ),
+    # Minutes, which no world of a few scans sees the end of: tests/unit/service/test_unheld_power.py does.
+    UnheldPower: Rules(clock="_since_s", fixed="_authority _axis limit_s"),
     HoldToRun: Rules(
         same="client forward reverse",
         clock="_began_s _used count issued_s too_long",

@@ -45,7 +45,12 @@ def cli(*arguments: object, out: io.StringIO | None = None) -> Answer:
     assert "Traceback" not in said, said
     assert "internal:" not in said, said
     assert code in (0, 1, 2, 3, 4)
-    assert not ODD_UNITS.search(said), ODD_UNITS.search(said)
+    # A refusal repeats a number as the person has typed it.
+    files = [
+        each for each in arguments if isinstance(each, Path) and each.suffix == ".toml" and each.is_file()
+    ]
+    typed = "".join(each.read_text(errors="replace") for each in files)
+    assert not [odd[0] for odd in ODD_UNITS.finditer(said) if odd[0].split()[0] not in typed], said
     return Answer(code, out.getvalue(), err.getvalue())
 
 

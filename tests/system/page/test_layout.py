@@ -141,7 +141,7 @@ def test_no_motion_is_offered_where_stop_cannot_be_pressed(shown: Shown) -> None
     )
     expect(key).to_be_disabled()
     expect(key).to_have_attribute("title", "Stop is not in sight: zoom out, or close what covers it.")
-    for name in ("Move", "1 · Arm test", "incremental"):
+    for name in ("Move to 0.00°", "1 · Arm test", "incremental"):
         expect(shown.page.get_by_role("button", name=name, exact=True)).to_be_disabled()
     shown.page.evaluate("() => document.getElementById('cover').remove()")
     expect(key).to_be_enabled()

@@ -34,6 +34,7 @@ VALUES: dict[str, dict[str, Any]] = {
     "commission_step": {"step": "identity"},
     "set": {"tag": "increment_deg", "value": 1.0},
     "arm": {"action": "brake_test"},
+    "note": {"line": "the couch was changed"},
 }
 AT_ONCE = sorted(set(FIELDS) - KEPT_FIRST - SILENT)
 
