@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 import webbrowser
-from contextlib import suppress
 from pathlib import Path
 
 import click
+
+from gantryctl.cli.options import stop_signals
 
 
 @click.command()
@@ -57,5 +59,6 @@ def _serve(site: Path, no_browser: bool) -> None:
         address = f"http://127.0.0.1:{server.server_port}/"
         click.echo(f"{address} from {site}; Ctrl-C ends it")
         _open(address, no_browser)
-        with suppress(KeyboardInterrupt):
+        # Not by KeyboardInterrupt, which is lost where it comes in code whose exceptions Python ignores.
+        with stop_signals(lambda: threading.Thread(target=server.shutdown, daemon=True).start()):
             server.serve_forever()
