@@ -8,11 +8,12 @@ from typing import Any
 
 from gantryctl.commissioning.watch import Seen
 from gantryctl.image import DriveState
-from gantryctl.machine import Machine, is_reference_machine, short_hash
+from gantryctl.machine import Machine
 from gantryctl.program import AxisState, BrakeTestPhase, PowerPhase
 from gantryctl.program.alarms.log import messages_to_wire
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.command.arming import Armed
+from gantryctl.service.controller.publisher import control_tags, machine_tags
 from gantryctl.service.memory.snapshot import FAST
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.tags import BY_NAME
@@ -61,18 +62,10 @@ def slow_tags(
     machine: Machine, holder: Identity | None, armed: Armed | None, *, second_person: bool
 ) -> dict[str, Any]:
     """The tags that are sent on change, as far as they mean something now."""
-    axis = machine.axis
     return {
-        "machine": machine.name,
-        "axis_kind": axis.kind,
-        "display": axis.display,
-        "no_go_deg": axis.no_go_deg,
-        "drawing": "couch" if is_reference_machine(machine) else "axis",
-        "drive_kind": machine.drive.kind,
-        "config_hash": short_hash(machine),
+        **machine_tags(machine),
+        **control_tags(holder, armed, second_person=second_person),
         "version": version("gantryctl"),
-        "pos_min_deg": axis.pos_min_deg,
-        "pos_max_deg": axis.pos_max_deg,
         "mode": "none",
         "blocked_by": str(Words.BEING_COMMISSIONED),
         "blocked_by_messages": messages_to_wire(Words.BEING_COMMISSIONED),
@@ -80,12 +73,4 @@ def slow_tags(
         "refusal_messages": [],
         "reset_locked": False,
         "commissioning_available": True,
-        "authority_user": holder.user if holder else "",
-        "authority_client": holder.client if holder else "",
-        "authority_local": bool(holder and holder.local),
-        "armed_action": str(armed.action) if armed else "none",
-        "armed_by": armed.who.user if armed else "",
-        "armed_person": armed.who.person if armed else "",
-        "armed_client": armed.who.client if armed else "",
-        "second_person": second_person,
     }

@@ -20,7 +20,7 @@ from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import FAST, publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
-from gantryctl.service.protocol.messages import SETTABLE
+from gantryctl.service.protocol.messages import SETTABLE, Identity
 from gantryctl.service.protocol.tags import BY_NAME, CommissioningPhase
 from gantryctl.units import deg
 
@@ -239,20 +239,14 @@ class Publisher:
     def slow(self) -> dict[str, Any]:
         """Everything else but the alarms, as JSON values."""
         operator, axis = self._operator, self._axis
-        holder, armed = operator.authority.holder, self._armed()
         moment, angle = self._model.eccentric()
         return {
             **self._fixed,
             **self._statistics,
             **self._brake.slow(),
-            "authority_user": holder.user if holder else "",
-            "authority_client": holder.client if holder else "",
-            "authority_local": bool(holder and holder.local),
-            "armed_action": str(armed.action) if armed else "none",
-            "armed_by": armed.who.user if armed else "",
-            "armed_person": armed.who.person if armed else "",
-            "armed_client": armed.who.client if armed else "",
-            "second_person": operator.arming.second_person,
+            **control_tags(
+                operator.authority.holder, self._armed(), second_person=operator.arming.second_person
+            ),
             "reset_locked": operator.permit.reset_locked,
             "mode": Mode(self._program.mode).name.lower(),
             **{tag: rounded(operator.setting(tag)) for tag in SETTABLE},
@@ -267,21 +261,15 @@ class Publisher:
     def _constant(self) -> dict[str, Any]:
         """Tags that never change while the controller runs."""
         machine, ranges = self._machine, self._operator.ranges
-        axis, motor = machine.axis, machine.motor
+        motor = machine.motor
         cap_rad_s = self._axis.settings.speed.without_enabling_switch_rad_s
         speed, acc = ranges["speed_setting_deg_s"], ranges["acc_setting_deg_s2"]
         return {
-            "machine": machine.name,
-            "axis_kind": axis.kind,
-            "display": axis.display,
-            "no_go_deg": axis.no_go_deg,
-            "drawing": "couch" if is_reference_machine(machine) else "axis",
-            "drive_kind": machine.drive.kind,
+            **machine_tags(machine),
             "commissioning_available": machine.on_bus,
             "commissioning": CommissioningPhase.NONE.name.lower(),
             "commissioning_step": "",
             "commissioning_results": 0,
-            "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,
             "speed_max_deg_s": speed.high,
             "speed_cap_deg_s": rounded(deg(cap_rad_s)),
@@ -289,10 +277,6 @@ class Publisher:
             "acc_min_deg_s2": rounded(acc.low),
             "acc_max_deg_s2": acc.high,
             "increment_max_deg": ranges["increment_deg"].high,
-            "pos_min_deg": axis.pos_min_deg,
-            "pos_max_deg": axis.pos_max_deg,
-            # A modulo axis has no ends.
-            **{key: None if axis.modulo else getattr(axis, key) for key in ENDS},
             "torque_rated_nm": motor.torque_rated_nm,
             "torque_max_nm": motor.torque_max_nm,
         }
@@ -320,6 +304,38 @@ class Publisher:
             "events_lost": self._operator.events.lost,
             **self._bus(),
         }
+
+
+def machine_tags(machine: Machine) -> dict[str, Any]:
+    """Tags that tell which machine this is, whoever has its axis."""
+    axis = machine.axis
+    return {
+        "machine": machine.name,
+        "axis_kind": axis.kind,
+        "display": axis.display,
+        "no_go_deg": axis.no_go_deg,
+        "drawing": "couch" if is_reference_machine(machine) else "axis",
+        "drive_kind": machine.drive.kind,
+        "config_hash": short_hash(machine),
+        "pos_min_deg": axis.pos_min_deg,
+        "pos_max_deg": axis.pos_max_deg,
+        # A modulo axis has no ends.
+        **{key: None if axis.modulo else getattr(axis, key) for key in ENDS},
+    }
+
+
+def control_tags(holder: Identity | None, armed: Armed | None, *, second_person: bool) -> dict[str, Any]:
+    """Tags of who has control, and who has armed what."""
+    return {
+        "authority_user": holder.user if holder else "",
+        "authority_client": holder.client if holder else "",
+        "authority_local": bool(holder and holder.local),
+        "armed_action": str(armed.action) if armed else "none",
+        "armed_by": armed.who.user if armed else "",
+        "armed_person": armed.who.person if armed else "",
+        "armed_client": armed.who.client if armed else "",
+        "second_person": second_person,
+    }
 
 
 def _fitted(value: bool | None) -> float:
