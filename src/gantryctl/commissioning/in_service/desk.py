@@ -278,14 +278,9 @@ class Desk:
             raise MessageRefused(refused.code, **refused.values)
 
     def _end_connection(self, gone: Gone) -> None:
-        client, holder, local = gone.client, self.authority.holder, gone.source == Source.LOCAL
-        if gone.everyone:
-            self.arming.gone_all(local=local)
-            if holder is None or holder.local is not local:
-                return
-            client = holder.client
-        self.arming.gone(client)
-        self._free(client, "has gone")
+        client = gone.end(self.arming, self.authority.holder)
+        if client is not None:
+            self._free(client, "has gone")
 
     def _free(self, client: str, why: str) -> None:
         """Free control; the step of who had it ends."""

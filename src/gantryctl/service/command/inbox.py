@@ -8,7 +8,9 @@ from typing import Any, Final, NamedTuple
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.command.arming import Arming
 from gantryctl.service.memory.events import EventLog, printable
+from gantryctl.service.memory.memory import Source
 from gantryctl.service.memory.refusals import RefusalLog, in_words, kind_of
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol import messages
@@ -86,6 +88,15 @@ class Gone(NamedTuple):
     source: int
     client: str
     everyone: bool
+
+    def end(self, arming: Arming, holder: Identity | None) -> str | None:
+        """Forget what the connections have armed; the client whose control and keys end with them, if any."""
+        if not self.everyone:
+            arming.gone(self.client)
+            return self.client
+        local = self.source == Source.LOCAL
+        arming.gone_all(local=local)
+        return holder.client if holder is not None and holder.local is local else None
 
 
 class Inbox:

@@ -24,7 +24,6 @@ from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import Situation
 from gantryctl.service.command.unheld import UnheldPower
-from gantryctl.service.memory.memory import Source
 from gantryctl.service.protocol.limits import HELD_S, SILENCE_S, key_limits
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
 from gantryctl.units import deg, rad
@@ -364,13 +363,9 @@ class ServiceOperator:
         self._set(remote=who.remote)
 
     def _end_connection(self, gone: Gone) -> None:
-        client, holder, local = gone.client, self.authority.holder, gone.source == Source.LOCAL
-        if gone.everyone:
-            self.arming.gone_all(local=local)
-            if holder is None or holder.local is not local:
-                return
-            client = holder.client
-        self.arming.gone(client)
+        client = gone.end(self.arming, self.authority.holder)
+        if client is None:
+            return
         if self.hold.client == client:
             self.hold.end()
         self._free(client, "has gone")
