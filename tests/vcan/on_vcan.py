@@ -188,7 +188,7 @@ def test_the_drive_stops_by_itself_when_the_controller_is_killed(bus: VcanBus, t
     assert sum(" 080#" in line for line in whole) > 50
     refused = bus.start("move", "0", "--json")
     _, err = refused.communicate(timeout=100.0)
-    # It moved while nobody looked: by 3 to 4 deg, of which a third are within 0.05 deg of whole motor turns (0.3147 deg).
+    # It moved while nobody looked: 3 to 4 deg, a third of which is within 0.05 deg of whole motor turns (0.3147 deg).
     assert err.startswith(("error: ENC-10", "error: ENC-08")), err
     assert refused.returncode == 2
     bus.set_zero()
