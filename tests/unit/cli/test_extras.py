@@ -32,6 +32,7 @@ NEEDS = {
     "commission --with-sim": "matplotlib",
     "identify": "scipy",
     "compare paper improved --ensemble 4": "scipy",
+    "compare paper improved --drift hust --identify": "scipy",
     "campaign run gears": "scipy",
     "campaign run gears --cluster tcp://127.0.0.1:1": "distributed",
     "campaign plot gears.result": "matplotlib",

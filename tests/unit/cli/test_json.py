@@ -58,6 +58,14 @@ def campaign_file() -> None:
     )
 
 
+def drift_files() -> None:
+    """Two ways of control and a plant that changes."""
+    quick = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "accuracy.bases_deg": [0.0]}
+    for name, kvf in (("quick", 1.0), ("slow", 0.9)):
+        machine_file(Path(f"{name}.toml"), quick | {"machine.name": name, "control.kvf": kvf})
+    Path("drift.toml").write_text("[row.gap.set]\nplant.transmission.backlash_mm = 0.2\n")
+
+
 class Level:
     """An instrument."""
 
@@ -107,6 +115,7 @@ RUNS: dict[str, list[str]] = {
     "tune": ["tune", "--method", "margins"],
     "identify": ["identify", "--out", "found.toml"],
     "compare": ["compare", "paper", "paper"],
+    "compare --drift": ["compare", "quick.toml", "slow.toml", "--drift", "drift.toml"],
     "bench": ["bench", "jitter", "--repeats", "1", "--scale", "0.01"],
     "doctor": ["doctor", "--period", "4", "--seconds", "0.1"],
     "campaign run": ["campaign", "run", "small.toml"],
@@ -137,6 +146,13 @@ RUNS: dict[str, list[str]] = {
     "trace plot": ["trace", "plot", "run.parquet"],
     "trace export": ["trace", "export", "run.parquet", "--format", "csv"],
 }
+
+
+FILES = {
+    "compare --drift": drift_files,
+    "eds check": lambda: done("drive", "sim", "--write-eds", "drive.eds"),
+}
+"""What a command needs before it."""
 
 
 def with_json(command: click.Command, path: str, ctx: click.Context) -> Iterator[str]:
@@ -193,8 +209,8 @@ def test_the_keys_are_those_of_the_page(command: str, monkeypatch: pytest.Monkey
     if command == "accuracy measure":
         values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
         machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})
-    if command == "eds check":
-        done("drive", "sim", "--write-eds", "drive.eds")
+    if command in FILES:
+        FILES[command]()
     if command.startswith("journal"):
         journal()
     if command == "user list":

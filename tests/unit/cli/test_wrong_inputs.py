@@ -105,6 +105,7 @@ TAKE_FILES = (
     "campaign plan FILE",
     "campaign show FILE",
     "compare FILE",
+    "compare --drift FILE",
     "faults run --file FILE",
     "eds check FILE",
     "can log FILE",

@@ -45,6 +45,12 @@ if TYPE_CHECKING:
     "--ensemble", "plants", type=Whole(0, 100_000), default=0, show_default=True,
     help="Random gears and +-20 % plants to compare on as well, each identified anew; 0 or at least 2.",
 )  # fmt: skip
+@click.option(
+    "--drift",
+    type=PATH,
+    help="Run both on plants that change as this file says, with the calibration of before; `hust` is delivered.",
+)
+@click.option("--identify", is_flag=True, help="With --drift: identify the plant of SECOND first.")
 @click.option("--threads", type=Whole(1, 1024), help="Default: all processors; no effect on the result.")
 @click.option(
     "--instrument",
@@ -62,6 +68,8 @@ def compare(
     first: Path,
     second: Path,
     plants: int,
+    drift: Path | None,
+    identify: bool,
     threads: int | None,
     instrument: str,
     certificate: str,
@@ -80,7 +88,11 @@ def compare(
     Two machines with the same drive on a bus are run on it, one after the other: 20 minutes of axis time, chord test
     and moves, by what the drive and an instrument at the load say.
 
-    Exit code 1 when the second is not shown to have the required accuracy.
+    With --drift the machine changes after it was identified: rows of the file (more eccentric moment, backlash,
+    friction ...), each on the paper's loop, on the second without its load encoder and as it is; median, 95 % and worst
+    over them.
+
+    Exit code 1 when the second is not shown to have the required accuracy, with --drift in its worst row.
     """
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.engineering.comparison.report import compare_report
@@ -88,19 +100,17 @@ def compare(
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.errors import UsageError
 
-    # Before half a minute of runs, not after it.
-    if plants == 1:
-        raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
-    # Before the runs: an ensemble may take hours. Each of its plants is identified.
-    if plants:
-        need("scipy")
+    _check_options(plants, drift, identify=identify)
     folder = None if out is None else directory(out)
     paper, improved = _machine(first), _machine(second)
     if paper.on_bus or improved.on_bus:
-        if plants:
-            raise UsageError("--ensemble: random plants are simulated, a machine on a bus is the one it is")
+        for option, given in (("--ensemble", plants), ("--drift", drift)):
+            if given:
+                raise UsageError(f"{option}: its plants are simulated, a machine on a bus is the one it is")
         stated = certificate_of(instrument, certificate)
         return _on_bus(paper, improved, instrument, stated, seed, folder, made, yes=yes, as_json=as_json)
+    if drift is not None:
+        return _on_drift(paper, improved, drift, identify, seed, threads, folder, made, as_json=as_json)
     rows = len(variants(paper, improved)) + plants
     with metered(rows, quiet=as_json) as meter:
         report = compare_report(
@@ -117,6 +127,62 @@ def compare(
         path = write_json(folder / "compare.json", data)
         head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
         page = write_text(folder / "report.html", render_comparison(report, head))
+        if not as_json:
+            click.echo(f"wrote {path}, {page}")
+    return int(report.verdict.passed is not True)
+
+
+def _check_options(plants: int, drift: Path | None, *, identify: bool) -> None:
+    """Refuse options that do not go together: before the runs, not after them."""
+    from gantryctl.errors import UsageError
+
+    if plants == 1:
+        raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
+    if plants and drift is not None:
+        raise UsageError("--ensemble and --drift: one at a time; random plants that drift are a campaign")
+    if identify and drift is None:
+        raise UsageError("--identify: is for --drift; an ensemble identifies each of its plants in any case")
+    # An ensemble may take hours, and each of its plants is identified.
+    if plants or identify:
+        need("scipy")
+
+
+def _on_drift(
+    paper: Machine,
+    improved: Machine,
+    file: Path,
+    identify: bool,
+    seed: int,
+    threads: int | None,
+    folder: Path | None,
+    made: Made,
+    *,
+    as_json: bool,
+) -> int:
+    from gantryctl.engineering.comparison.drift_file import load_drift
+    from gantryctl.engineering.comparison.drift_report import drift_report, runs_of
+    from gantryctl.engineering.comparison.drift_text import drift_data, notes, render_drift, tables
+    from gantryctl.engineering.report.head import MeasuredBy
+
+    drift = load_drift(file, improved)
+    with metered(runs_of(paper, improved, drift), quiet=as_json) as meter:
+        report = drift_report(
+            paper, improved, drift, identify=identify, seed=seed, threads=threads, progress=meter.reach
+        )
+    data = drift_data(report)
+    if as_json:
+        print_json(data)
+    else:
+        for table in tables(report):
+            print_table(table)
+        click.echo()
+        for note in notes(report):
+            paragraph(note)
+        _say_verdict(report.verdict)
+    if folder is not None:
+        path = write_json(folder / "drift.json", data)
+        head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
+        page = write_text(folder / "report.html", render_drift(report, head))
         if not as_json:
             click.echo(f"wrote {path}, {page}")
     return int(report.verdict.passed is not True)

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.accuracy.noise import DRAWS, Distribution, a_draws
-from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
+from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure, warm_up_legs
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import statistics
@@ -132,11 +132,17 @@ SHORT_DEG: Final = (0.0, 90.0)
 LONG_DEG: Final = (-90.0, 90.0)
 
 
-def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> list[KeyFigures]:
-    """Run everything on every machine; its seed draws the tracker's noise."""
-    chords = (chord_tests(machines, name, seeds) for name in "AB")
+def measure_key_figures(
+    machines: Sequence[Machine], seeds: Sequence[int], *, warm_up: bool = False
+) -> list[KeyFigures]:
+    """Run everything on every machine; its seed draws the tracker's noise.
+
+    Args:
+        warm_up: every axis moves through the chord test and back before each run.
+    """
+    chords = (chord_tests(machines, name, seeds, warm_up=warm_up) for name in "AB")
     moves = (
-        expected(moves_figures([Move(each, *fitted_stretch_deg(each, *ends)) for each in machines]))
+        expected(moves_figures([Move(each, *fitted_stretch_deg(each, *ends), warm_up) for each in machines]))
         for ends in (SHORT_DEG, LONG_DEG)
     )
     return [_key_figures(*found) for found in zip(*chords, *moves, strict=True)]
@@ -205,12 +211,14 @@ class ChordTest(NamedTuple):
     largest_angle_deg: float
 
 
-def chord_tests(machines: Sequence[Machine], name: str, seeds: Sequence[int]) -> list[ChordTest]:
+def chord_tests(
+    machines: Sequence[Machine], name: str, seeds: Sequence[int], *, warm_up: bool = False
+) -> list[ChordTest]:
     """A chord procedure of every machine; its seed draws the tracker's noise."""
     # Ways of control on one axis, and plants of one kind: the plan is the same for all.
     procedure = chord_test(machines[0], name)
     found = []
-    angles_of = run_procedure(machines, procedure, threads=1).load_rad
+    angles_of = run_procedure(machines, procedure, threads=1, warm_up=warm_up).load_rad
     for machine, seed, angles in zip(machines, seeds, angles_of, strict=True):
         radius_m, sigma_m = machine.accuracy.chord_radius_m, machine.accuracy.tracker_noise_um * 1e-6
         true = evaluate(procedure, angles, radius_m)
@@ -232,11 +240,12 @@ def move_figures(machine: Machine, from_deg: float, to_deg: float) -> MoveFigure
 
 
 class Move(NamedTuple):
-    """A machine, and from where to where it moves."""
+    """A machine, from where to where it moves, and whether it moves through the chord test before."""
 
     machine: Machine
     from_deg: float
     to_deg: float
+    warm_up: bool = False
 
 
 def moves_figures(moves: Sequence[Move]) -> list[MoveFigures | Exception]:
@@ -245,9 +254,11 @@ def moves_figures(moves: Sequence[Move]) -> list[MoveFigures | Exception]:
 
 
 def _run_move(move: Move, run: Runner) -> MoveFigures:
-    machine, from_deg, to_deg = move
+    machine, from_deg, to_deg, warm_up = move
     start = rad(from_deg)
     loop = ClosedLoop.standing_at(gantry_sim(machine), position_law(machine), start, compensation(machine))
+    if warm_up:
+        run(loop, warm_up_legs(machine, chord_test(machine), start), _COLUMNS[:1])
     plan = plan_move(SetPoint(start, 0.0, 0.0), rad(to_deg), motion_limits(machine))
     legs = (Leg(hold(start), REST_S), Leg(plan, plan.duration + loop.sim.scan_period_s + SETTLE_S))
     return _evaluate(machine, run(loop, legs, _COLUMNS), plan.duration)

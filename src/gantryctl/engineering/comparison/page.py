@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gantryctl.engineering.accuracy.verdict import ChordFigures, conformity_of, judge_chords, plus_minus
+from gantryctl.engineering.accuracy.verdict import (
+    AccuracyVerdict,
+    ChordFigures,
+    conformity_of,
+    judge_chords,
+    plus_minus,
+)
 from gantryctl.engineering.comparison.on_bus import BusComparison, bus_table
 from gantryctl.engineering.comparison.report import CompareReport
 from gantryctl.engineering.comparison.text import notes, tables
@@ -39,6 +45,20 @@ def render_bus_comparison(found: BusComparison, head: Head) -> str:
     )
 
 
+def required_rows(verdicts: Sequence[AccuracyVerdict], limit_deg: float) -> list[Required]:
+    """The figures of verdicts beside the limit that they keep or miss."""
+    return [
+        Required(
+            figure,
+            f"at most {limit_deg:g} deg",
+            f"{value:.4f} {plus_minus(verdict.uncertainties_deg.get(figure))}deg",
+            judged_as(conformity_of(value, verdict.uncertainties_deg.get(figure, 0.0), limit_deg).passed),
+        )
+        for verdict in verdicts
+        for figure, value in verdict.figures_deg.items()
+    ]
+
+
 def _render(
     head: Head,
     seen: Sequence[tuple[str, ChordFigures]],
@@ -47,18 +67,8 @@ def _render(
     title: str,
     sections: Sequence[Section],
 ) -> str:
-    limit = requirement.limit
     judged = [(name, judge_chords(chords, requirement, of=name)) for name, chords in seen]
-    required = [
-        Required(
-            figure,
-            f"at most {limit:g} deg",
-            f"{value:.4f} {plus_minus(verdict.uncertainties_deg.get(figure))}deg",
-            judged_as(conformity_of(value, verdict.uncertainties_deg.get(figure, 0.0), limit).passed),
-        )
-        for _, verdict in judged
-        for figure, value in verdict.figures_deg.items()
-    ]
+    required = required_rows([verdict for _, verdict in judged], requirement.limit)
     (_, before), (_, found) = seen[0], judged[-1]
     verdict = Verdict(
         found.conformity.value.upper(),

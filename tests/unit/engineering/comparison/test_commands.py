@@ -93,7 +93,17 @@ def test_compare_refuses_different_machines() -> None:
     assert "plant.load.inertia_kg_m2" in refused.err
 
 
-@pytest.mark.parametrize("arguments", [("--ensemble", "1"), ("--ensemble", "-3"), ("--threads", "0")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--ensemble", "1"),
+        ("--ensemble", "-3"),
+        ("--threads", "0"),
+        ("--drift", "hust", "--ensemble", "4"),
+        ("--drift", "nowhere"),
+        ("--identify",),
+    ],
+)
 def test_compare_refuses_sizes_that_make_no_sense(arguments: tuple[str, ...]) -> None:
     assert cli("compare", *arguments).code == 2
 
@@ -129,3 +139,20 @@ def test_compare_prints_every_row_and_figure() -> None:
     assert all(set(row) == set(KEY_FIGURES) for row in data["rows"].values())
     alone = data["rows"]["gear map alone"]
     assert alone["a_true_a"] < 0.5 * data["rows"]["profile alone"]["a_true_a"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_compare_on_the_delivered_drift_prints_what_the_readme_says() -> None:
+    done = cli("compare", "paper", "improved", "--drift", "hust", "--json", "--out", "report")
+    assert done.code == 0, done.err
+    data = json.loads(done.out)
+    assert data == json.loads(Path("report/drift.json").read_text("utf-8"))
+    readme = (Path(__file__).parents[4] / "README.md").read_text("utf-8")
+    (row,) = (
+        line for line in readme.splitlines() if "`gantryctl compare paper improved --drift hust`" in line
+    )
+    for control in ("hust_improved", "without the load encoder"):
+        spread = data["over_rows"][control]["a_true"]
+        for part in ("median", "high", "worst"):
+            assert f"{spread[part]:.4f}" in row, (control, part)

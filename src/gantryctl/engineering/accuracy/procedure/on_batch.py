@@ -79,6 +79,22 @@ def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None 
     return legs
 
 
+def warm_up_legs(machine: Machine, procedure: Procedure, start_rad: float) -> list[Leg]:
+    """To both ends of a procedure and back to where the axis stands, as ISO 230-2 asks for before a test.
+
+    A law that learns has learned then, and friction and gears are as moving has left them.
+    """
+    period_s, limits = machine.control.scan_period_ms * 1e-3, motion_limits(machine)
+    pos, legs = start_rad, [Leg(hold(start_rad), REST_S, period_s)]
+    # The start is come to in the direction of positive angles, in which the short and the long move go on.
+    for to in (*map(rad, reversed(procedure.travel_deg)), start_rad):
+        if to != pos:
+            plan = plan_move(SetPoint(pos, 0.0, 0.0), to, limits)
+            legs.append(Leg(plan, plan.duration + period_s + REST_S, period_s))
+            pos = to
+    return legs
+
+
 def run_time_s(machine: Machine, procedure: Procedure, first: int = 0) -> float:
     """Time of the axis from stop `first` to the end: moves and dwells."""
     # The first leg is the rest before the run.
@@ -90,6 +106,7 @@ def run_procedure(
     procedure: Procedure,
     *,
     threads: int | None = None,
+    warm_up: bool = False,
     between: Callable[[int, ClosedLoop], None] | None = None,
 ) -> Readings:
     """Take every machine through the procedure, in one continuous run each, from standing still at its start.
@@ -97,6 +114,7 @@ def run_procedure(
     Args:
         machines: any, each with its own profile and control.
         threads: 1 to the number of processors (default: all); no effect on the result.
+        warm_up: every axis first moves as `warm_up_legs` say.
         between: called as `between(stop index, loop)` before the move to each stop: for what happens to a
             real machine in mid-test, such as a power-off.
     """
@@ -110,6 +128,8 @@ def run_procedure(
         places = [k for k, loop in enumerate(loops) if (loop.compensation is not None) is compensated]
         if places:
             own = [loops[k] for k in places]
+            if warm_up:
+                run_legs(own, [warm_up_legs(machines[k], procedure, start) for k in places], workers)
             statistics = _statistics(own, [legs[k] for k in places], workers, between)
             # The first leg is the rest before the run, not a stop.
             found[:, places] = np.array(

@@ -1,0 +1,159 @@
+"""Plants that change after they were identified: what a drift file may say, and what is made of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gantryctl.engineering.comparison.drift_file import DriftRow, drifts_folder, load_drift, parse_drift
+from gantryctl.engineering.comparison.drift_report import DriftReport, a_true, drift_report
+from gantryctl.engineering.comparison.drift_text import drift_data, notes, render_drift, tables
+from gantryctl.engineering.comparison.key_figures import chord_tests
+from gantryctl.engineering.comparison.variants import without_load_encoder
+from gantryctl.errors import ConfigError, UsageError
+from gantryctl.machine import Machine, default_machine, effective_values, with_values
+from support.improved import improved_machine
+from support.reports import HEAD
+
+MOMENT = '[row.moment]\nmeaning = "more"\n[row.moment.plus]\nplant.load.eccentricity_m = 0.0101875\n'
+
+
+def rows_of(text: str) -> tuple[DriftRow, ...]:
+    return parse_drift(text, "d.toml", improved_machine()).rows
+
+
+def changed(row: DriftRow, machine: Machine) -> dict[str, object]:
+    before, after = effective_values(machine), effective_values(row.on(machine))
+    return {path: value for path, value in after.items() if value != before[path]}
+
+
+def test_a_row_sets_multiplies_and_adds_and_keeps_the_calibration() -> None:
+    machine = improved_machine()
+    text = (
+        "[row.a.set]\nplant.load.eccentric_sign = 1.0\n[row.b.times]\nplant.gear_error.mesh_um = 1.5\n"
+        '[row.c.plus]\n"plant.transmission.backlash_mm" = 0.15\n'
+        '[row.all]\ntogether = ["a", "b", "c"]\n'
+    )
+    a, b, c, both = rows_of(text)
+    assert changed(a, machine) == {"plant.load.eccentric_sign": 1.0}
+    assert changed(b, machine) == {"plant.gear_error.mesh_um": pytest.approx(12.0)}
+    assert changed(c, machine) == {"plant.transmission.backlash_mm": pytest.approx(0.2)}
+    assert changed(both, machine) == changed(a, machine) | changed(b, machine) | changed(c, machine)
+    assert both.on(machine).calibration == machine.calibration is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "has no rows"),
+        ('[drift]\nname = "x"\n', "has no rows"),
+        ("row = 3\n", r"row = 3: must be tables \[row\.NAME\]"),
+        ("[row]\na = 1\n", r"\[row\] a = 1: must be a table \[row\.a\]"),
+        ("[row.a]\n", r"\[row\.a\]: changes nothing"),
+        ("[row.a.set]\nplant.load.mas_kg = 1.0\n", r"plant\.load\.mas_kg: no key .*plant\.load\.mass_kg\?"),
+        ("[row.a.set]\naxis.ring_ratio = 12.0\n", "axis.ring_ratio is no property of the plant"),
+        ("[row.a.set]\nplant.load.mass_kg = nan\n", "mass_kg = nan: is not a finite number"),
+        ("[row.a.times]\nplant.load.mass_kg = inf\n", "mass_kg = inf: is not a finite number"),
+        ("[row.a.plus]\nplant.gear_error.ring_um = 1.0\n", "ring_um: is no number but takes"),
+        ("[row.a.times]\nplant.wind.moment_nm = 2.0\n", "moment_nm: is 0 in hust_improved"),
+        ('[row.a.plus]\nplant.load.mass_kg = "1"\n', 'mass_kg = "1": must be a number'),
+        ("[row.a.set]\nplant.load.mass_kg = -1.0\n", r"\[row\.a\]: \[plant\.load\] mass_kg = -1(\.0)?: allowed"),
+        ("[row.a.sets]\nplant.load.mass_kg = 1.0\n", r"\[row\.a\] sets: is none of .*did you mean set\?"),
+        ("[row.a]\nmeaning = 3\n" + MOMENT, "meaning = 3: must be text in quotes"),
+        (MOMENT + '[row.b]\ntogether = ["moment"]\n', "must be the names of at least two rows"),
+        (MOMENT + '[row.b]\ntogether = ["moment", "momnt"]\n', "did you mean moment"),
+        (
+            MOMENT + '[row.s.set]\nplant.load.eccentricity_m = 0.01\n[row.b]\ntogether = ["moment", "s"]\n',
+            "two of these rows change plant.load.eccentricity_m",
+        ),
+        ("[row.a\n", "line 1"),
+        ("[drift]\nnames = 3\n" + MOMENT, "names"),
+    ],
+)  # fmt: skip
+def test_a_bad_file_is_refused_with_what_is_wrong(text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said) as refused:
+        parse_drift(text, "d.toml", improved_machine())
+    assert all(line.startswith("d.toml: ") for line in refused.value.problems)
+
+
+def test_the_delivered_files_go_by_their_names(tmp_path: Path) -> None:
+    machine = improved_machine()
+    for file in drifts_folder().glob("*.toml"):
+        drift = load_drift(file.stem, machine)
+        assert drift == load_drift(file, machine)
+        assert drift.description
+        assert all(row.meaning != row.name for row in drift.rows)
+    with pytest.raises(ConfigError, match=r"does not exist; a delivered drift file goes by its name: hust"):
+        load_drift(tmp_path / "nowhere.toml", machine)
+
+
+def short(machine: Machine) -> Machine:
+    """The same with a short chord test."""
+    return with_values(
+        machine,
+        {
+            "accuracy.bases_deg": [90.0, 0.0],
+            "accuracy.displacements_deg": [5.0, 15.0],
+            "accuracy.dwell_s": 3.0,
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def report() -> DriftReport:
+    # Two rows have a median between them.
+    text = MOMENT + "[row.backlash.plus]\nplant.transmission.backlash_mm = 0.15\n"
+    drift = parse_drift(text, "d.toml", improved_machine())
+    return drift_report(short(default_machine()), short(improved_machine()), drift)
+
+
+def test_every_control_has_the_figures_of_its_plant_with_the_calibration_of_the_first(
+    report: DriftReport,
+) -> None:
+    """A run of its own, one plant at a time, gives the same bits; a stale calibration shows."""
+    names = ("hust_gantry", "without the load encoder", "hust_improved")
+    assert tuple(report.figures) == names
+    moment = report.drift.rows[0]
+    bare = moment.on(without_load_encoder(short(improved_machine())))
+    alone = chord_tests([bare], "B", [0], warm_up=True)[0]
+    assert report.figures[names[1]][1].a_true_b == alone.a_true_deg
+    unchanged, more, gap = (a_true(row) for row in report.figures[names[1]])
+    assert more > 2.0 * unchanged
+    assert gap > 2.0 * unchanged
+
+
+def test_spreads_are_over_the_rows_that_change_something(report: DriftReport) -> None:
+    spread = report.spread("hust_improved", a_true)
+    unchanged, first, second = (a_true(row) for row in report.figures["hust_improved"])
+    assert spread.unchanged == unchanged
+    assert spread.median == pytest.approx(0.5 * (first + second))
+    assert spread.worst == max(first, second)
+    assert spread.high == pytest.approx(min(first, second) + 0.95 * abs(first - second))
+    assert spread.worst_in == ("moment" if first > second else "backlash")
+
+
+def test_tables_data_and_page_say_the_same(report: DriftReport) -> None:
+    worst = f"{report.spread('hust_improved', a_true).worst:.4f}"
+    data = drift_data(report)
+    assert data["over_rows"]["hust_improved"]["a_true"]["worst"] == pytest.approx(float(worst), abs=5e-5)
+    assert data["rows"][1]["changes"] == [
+        {"path": "plant.load.eccentricity_m", "how": "plus", "value": 0.0101875}
+    ]
+    assert any(worst in cell for table in tables(report) for row in table.rows for cell in row)
+    page = render_drift(report, HEAD)
+    assert worst in page
+    assert "nothing is identified after a change" in " ".join(notes(report))
+    assert "hust_improved, " in report.verdict.text
+
+
+def test_one_machine_twice_is_no_comparison() -> None:
+    drift = parse_drift(MOMENT, "d.toml", default_machine())
+    with pytest.raises(UsageError, match="two ways of control"):
+        drift_report(default_machine(), default_machine(), drift)
+
+
+def test_a_machine_without_its_calibration_is_refused() -> None:
+    drift = parse_drift(MOMENT, "d.toml", improved_machine())
+    with pytest.raises(ConfigError, match="gantryctl identify"):
+        drift_report(default_machine(), improved_machine().calibrated(None), drift)
