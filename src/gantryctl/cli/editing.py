@@ -62,7 +62,7 @@ def check_whole(machine: Machine) -> None:
         from gantryctl.wiring.compensation import compensation
 
         compensation(machine)
-    check_quick_stop(machine)
+    check_quick_stop(machine, propose=True)
 
 
 def with_value(path: Path, key: str, value: str) -> tuple[str, Machine]:

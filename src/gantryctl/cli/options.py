@@ -169,7 +169,7 @@ def proven_machine(config_file: Path | None) -> Machine:
     from gantryctl.engineering.stops import check_quick_stop
 
     machine = machine_of(config_file)
-    check_quick_stop(machine)
+    check_quick_stop(machine, propose=True)
     return machine
 
 

@@ -122,9 +122,9 @@ def test_a_machine_file_of_one_s_own_from_init_to_diff() -> None:
     assert "config check mine.toml" in done("config", "init", "mine.toml").out
     done("config", "check", "mine.toml")
     text = Path("mine.toml").read_text(encoding="utf-8")
-    Path("other.toml").write_text(text.replace("kvf = 1.0", "kvf = 0.95"))
-    assert done("config", "diff", "mine.toml", "other.toml").out == "[control] kvf: 1.0 -> 0.95\n"
-    assert "0.95" in done("config", "show", "other.toml").out
+    Path("other.toml").write_text(text.replace("kpp_per_s = 10.0 ", "kpp_per_s = 9.5 "))
+    assert done("config", "diff", "mine.toml", "other.toml").out == "[control] kpp_per_s: 10.0 -> 9.5 1/s\n"
+    assert "9.5" in done("config", "show", "other.toml").out
     assert "properties" in done("config", "schema").json
     done("move", "0.2", "--config", "other.toml")
 

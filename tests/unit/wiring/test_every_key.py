@@ -522,6 +522,10 @@ ELSEWHERE = {
     "plant.load_encoder.noise_rad": "the simulated ring",
     "plant.load_encoder.scale_error_rad": "the simulated ring",
     "plant.load_encoder.latency_us": "the simulated ring",
+    **{
+        f"plant.uncertainty.{name}_ratio": "gantryctl stops --find-quick: tests/unit/engineering/stops/test_certify.py"
+        for name in ("inertia", "friction", "stiffness", "torque_constant", "identified_inertia")
+    },
     "plant.integration.scheme": "handed to the compiled plant: tests/physics/test_integration.py",
     "plant.integration.rk4_steps": "handed to the compiled plant",
 }

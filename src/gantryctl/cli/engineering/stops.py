@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 @click.command()
 @config_option
 @click.option("--speed", "speeds", type=FINITE, multiple=True, help="Speed in deg/s; may be repeated.")
-@click.option("--find-quick", is_flag=True, help="Find the largest quick-stop deceleration instead.")
+@click.option(
+    "--find-quick", is_flag=True, help="Find the largest quick-stop deceleration instead, and certify one."
+)
 @out_option
 @report_options
 @json_option
@@ -41,6 +43,10 @@ def stops(
     made: Made,
 ) -> int:
     """Show what every stop costs: normal ramp, jog release, quick stop, torque off + brake.
+
+    With the compensations of the machine. --find-quick finds the largest quick stop of the machine file's plant, how
+    heavy the load may be for the quick stop of the file, and certifies one, with its highest speed, over
+    [plant.uncertainty].
 
     With --out a report as well. Exit code 1 when a stop class is worse than the machine file permits.
     """
@@ -60,17 +66,16 @@ def stops(
 
 
 def _find(machine: Machine, as_json: bool) -> int:
-    from gantryctl.engineering.stops import find_quick_dec
+    from gantryctl.engineering.stops.certify import find_quick_stops
+    from gantryctl.engineering.stops.data import quick_stops_data
+    from gantryctl.engineering.stops.text import certificate_lines
 
-    found = find_quick_dec(machine)
-    present = machine.virtual_axis.quick_dec_deg_s2
+    found = find_quick_stops(machine)
     if as_json:
-        print_json({"quick_dec_deg_s2": found, "configured_deg_s2": present, "machine": machine.name})
+        print_json(quick_stops_data(machine, found))
         return 0
-    click.echo(
-        f"{machine.name}: the largest quick stop within motor and reducer is {found:.4g} deg/s2; "
-        f"the machine file has quick_dec_deg_s2 = {present:g}"
-    )
+    for line in certificate_lines(machine, found):
+        click.echo(line)
     return 0
 
 

@@ -6,6 +6,7 @@ The same compiled laws and physics as the scan engine runs one by one, so the sa
 from gantryctl.engineering.batch.base_motion import base_motion_rad
 from gantryctl.engineering.batch.lockstep import Runner, alone, expected, grouped, in_lockstep, outcome
 from gantryctl.engineering.batch.loop import ClosedLoop, Leg, LegStatistics, Log, log_legs, run_legs, scans
+from gantryctl.engineering.batch.settling import settling_s
 
 __all__ = [
     "ClosedLoop",
@@ -22,4 +23,5 @@ __all__ = [
     "outcome",
     "run_legs",
     "scans",
+    "settling_s",
 ]

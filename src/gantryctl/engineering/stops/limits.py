@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gantryctl.engineering.batch import expected, grouped
+from gantryctl.engineering.stops.certify import certified_on, largest_dec_deg_s2
 from gantryctl.engineering.stops.run import (
     SPEED_PARTS,
     StopCase,
@@ -17,14 +18,12 @@ from gantryctl.engineering.stops.run import (
     worst_of,
     worst_stops,
 )
+from gantryctl.engineering.stops.uncertain import INERTIA, Factors, plants
 from gantryctl.errors import ConfigError
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, with_values
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.wiring.program import rest_speed_deg_s, speed_step_deg_s
 
-# Steps of the search, of the power of ten below the configured value: 0.1 deg/s2 for 5.4.
-_RESOLUTION: Final = 0.1
-_FEWEST_STEPS, _MOST_STEPS = 2, 400
 # What counts as rest, as part of the highest setting: no faster than the slowest creep that a draft gives.
 _REST_SHARE_MAX: Final = 1.0 / 60.0
 
@@ -52,42 +51,27 @@ def hardest_quick_stops(
 
 
 def find_quick_dec(machine: Machine) -> float:
-    """The largest quick-stop deceleration that the full plant allows from every speed, deg/s2.
+    """The largest quick-stop deceleration that the full plant of the file allows from every speed, deg/s2.
 
     Bisection to a tenth of the power of ten below the configured value (0.1 deg/s2 for 5.4), rounded down.
 
     Raises:
         ConfigError: not even the smallest of them is possible.
     """
-    speed = machine.speed.setting_max_deg_s
-    resolution = _RESOLUTION * 10.0 ** math.floor(math.log10(machine.virtual_axis.quick_dec_deg_s2))
-
-    def possible(steps: int) -> bool:
-        dec = steps * resolution
-        return within_ratings(machine, hardest_quick_stop(machine, dec))
-
-    low, high = _FEWEST_STEPS, _MOST_STEPS
-    if not possible(low):
-        raise ConfigError(
-            [
-                f"{machine.machine.name}: no quick stop from {speed:g} deg/s is within motor.torque_max_nm = "
-                f"{machine.motor.torque_max_nm:g} N m and reducer.torque_momentary_nm = "
-                f"{machine.reducer.torque_momentary_nm:g} N m with the eccentric moment of the check, "
-                f"{machine.plant.load.eccentric_check_moment_nm:g} N m; choose a larger motor or reducer"
-            ]
-        )
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if possible(middle) else (low, middle)
-    return low * resolution
+    return largest_dec_deg_s2(machine, list(plants(machine, [Factors()])))
 
 
 # Every command that moves asks, and an answer takes twelve simulated stops.
 @functools.lru_cache(maxsize=16)
-def check_quick_stop(machine: Machine) -> StopResult:
+def check_quick_stop(machine: Machine, *, propose: bool = False) -> StopResult:
     """Check the machine file's quick stop on the full plant; returns the stop from the highest speed.
 
-    A machine that has been checked is not simulated again.
+    The load is as heavy as [plant.uncertainty] identified_inertia_ratio lets an identified one be; a lighter one is
+    easier to stop. A calibration that has found it heavier is refused. A machine that has been checked is not
+    simulated again.
+
+    Args:
+        propose: say with a refusal which deceleration and speed would hold; takes a second.
 
     Raises:
         ConfigError: the deceleration cannot be given, the stopping angle is above the permitted one, or the speed
@@ -95,22 +79,27 @@ def check_quick_stop(machine: Machine) -> StopResult:
     """
     speed = machine.speed.setting_max_deg_s
     dec = machine.virtual_axis.quick_dec_deg_s2
-    stop = hardest_quick_stop(machine)
-    problems = []
+    more = machine.plant.uncertainty.identified_inertia_ratio
+    heaviest = next(plants(machine, [Factors(inertia=1.0 + more)])).machine
+    stop = hardest_quick_stop(heaviest)
+    problems = _too_heavy(machine, propose)
     where = f"{machine.machine.name}: [virtual_axis] quick_dec_deg_s2 = {dec:g}"
     moment = machine.plant.load.eccentric_check_moment_nm
+    way_out = "`gantryctl stops --find-quick` finds the largest possible value"
+    if propose and not within_ratings(machine, stop):
+        way_out = f"{_holds(heaviest)}; {way_out}"
+    heavier = f" and a load up to {100.0 * more:g} % heavier than [plant.load] inertia_kg_m2" if more else ""
     if stop.torque_limited:
         problems.append(
             f"{where}: the motor cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
-            f"eccentric moment needs more than [motor] torque_max_nm = {machine.motor.torque_max_nm:g} N m; "
-            "`gantryctl stops --find-quick` finds the largest possible value"
+            f"eccentric moment{heavier} needs more than [motor] torque_max_nm = {machine.motor.torque_max_nm:g} N m; "
+            f"{way_out}"
         )
     if stop.torque_reducer_nm > machine.reducer.torque_momentary_nm:
         problems.append(
             f"{where}: the reducer cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
-            f"eccentric moment puts {stop.torque_reducer_nm / 1e3:.1f} kN m on it, [reducer] torque_momentary_nm = "
-            f"{machine.reducer.torque_momentary_nm / 1e3:.1f} kN m; "
-            "`gantryctl stops --find-quick` finds the largest possible value"
+            f"eccentric moment{heavier} puts {stop.torque_reducer_nm / 1e3:.1f} kN m on it, [reducer] "
+            f"torque_momentary_nm = {machine.reducer.torque_momentary_nm / 1e3:.1f} kN m; {way_out}"
         )
     # Rounded up to the hundredth: a limit is never met by rounding.
     angle = math.ceil((stop.angle_deg + speed * REACTION_S) * 100.0) / 100.0
@@ -124,6 +113,45 @@ def check_quick_stop(machine: Machine) -> StopResult:
     if problems:
         raise ConfigError(problems)
     return stop
+
+
+def identified_load_kg_m2(machine: Machine) -> float | None:
+    """Inertia of the load by the calibration: what was identified without rotor and wave generator; None without it."""
+    found = machine.calibration
+    if found is None or found.identified.inertia_kg_m2 is None:
+        return None
+    rotor = machine.motor.inertia_kg_m2 + machine.plant.motor.wave_generator_inertia_kg_m2
+    return found.identified.inertia_kg_m2 - rotor * machine.axis.ratio**2
+
+
+def _too_heavy(machine: Machine, propose: bool) -> list[str]:
+    """What is wrong where identification has found a heavier load than the quick stop is checked with."""
+    load, identified = machine.plant.load.inertia_kg_m2, identified_load_kg_m2(machine)
+    more = machine.plant.uncertainty.identified_inertia_ratio
+    if identified is None or identified <= load * (1.0 + more):
+        return []
+    way_out = "`gantryctl stops --find-quick` finds what holds for it"
+    if propose:
+        heavier = with_values(machine, {INERTIA: identified}).calibrated(machine.calibration)
+        way_out = f"with [plant.load] inertia_kg_m2 = {identified:.4g} {_holds(heavier)}"
+    return [
+        f"{machine.name}: the load was identified with {identified:.4g} kg m2, "
+        f"{100.0 * (identified / load - 1.0):.1f} % more than [plant.load] inertia_kg_m2 = {load:.4g}; [virtual_axis] "
+        f"quick_dec_deg_s2 = {machine.virtual_axis.quick_dec_deg_s2:g} is checked for "
+        f"{100.0 * more:g} % more ([plant.uncertainty] identified_inertia_ratio); {way_out}"
+    ]
+
+
+def _holds(machine: Machine) -> str:
+    """Deceleration and speed that hold on the plant of a file, as a proposal."""
+    try:
+        found = certified_on(machine, list(plants(machine, [Factors()])))
+    except ConfigError as none:
+        return "; ".join(none.problems)
+    return (
+        f"set quick_dec_deg_s2 = {found.dec_deg_s2:.4g} and [speed] setting_max_deg_s = {found.speed_deg_s:.4g} at "
+        "most, which hold"
+    )
 
 
 def unknown_rest(machine: Machine) -> list[str]:

@@ -21,6 +21,7 @@ from gantryctl.engineering.batch import (
     expected,
     grouped,
     in_lockstep,
+    settling_s,
 )
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
@@ -29,6 +30,7 @@ from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_stop, plan_velocity
 from gantryctl.notebook import table_html
 from gantryctl.units import deg, rad
+from gantryctl.wiring.compensation import compensation
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
 
@@ -67,8 +69,10 @@ class StopResult(NamedTuple):
         angle_deg, time_s: until the motor stands (below 0.05 deg/s); load_angle_deg: farthest way of the load.
         torque_motor_nm, torque_reducer_nm: largest, motor shaft and reducer output.
         base_um: largest base motion at the ring after the static part, peak to peak.
-        brake_energy_kj: taken by the brake. torque_limited: the drive's torque limit acted.
+        brake_energy_kj: turned to heat by the brake's lining. motor_energy_kj: taken out of the motion by the motor.
+        torque_limited: the drive's torque limit acted.
         load_swing_deg_s: largest speed of the load after the motor stands.
+        settled_s: until the load swings with less than 0.05 deg/s, by the envelope of its swing (`settling_s`).
     """
 
     stop_class: StopClass
@@ -80,8 +84,10 @@ class StopResult(NamedTuple):
     torque_reducer_nm: float
     base_um: float
     brake_energy_kj: float
+    motor_energy_kj: float
     torque_limited: bool
     load_swing_deg_s: float
+    settled_s: float
 
 
 def run_stop(
@@ -115,20 +121,25 @@ def log_stop(
 
 
 class StopCase(NamedTuple):
-    """A stop of a machine; see `run_stop`. The sign of the speed is the direction."""
+    """A stop of a machine; see `run_stop`. The sign of the speed is the direction.
+
+    Attributes:
+        torque_constant_ratio: torque that the motor gives for the torque that the drive asks of it.
+    """
 
     machine: Machine
     stop_class: StopClass
     speed_deg_s: float
     quick_dec_deg_s2: float | None = None
+    torque_constant_ratio: float = 1.0
 
 
 def _run(case: StopCase, at_deg: float, run: Runner) -> StopResult:
-    return _evaluate(case.machine, case.stop_class, case.speed_deg_s, _log(case, at_deg, run, _COLUMNS))
+    return _evaluate(case, _log(case, at_deg, run, _COLUMNS))
 
 
 def _log(case: StopCase, at_deg: float, run: Runner, columns: Sequence[str]) -> Log:
-    machine, stop_class, speed_deg_s, quick_dec_deg_s2 = case
+    machine, stop_class, speed_deg_s, quick_dec_deg_s2, _ = case
     loop = _cruising(case, at_deg, run)
     if stop_class is StopClass.QUICK:
         ramp_s = abs(speed_deg_s) / (quick_dec_deg_s2 or machine.virtual_axis.quick_dec_deg_s2)
@@ -179,8 +190,11 @@ def within_ratings(machine: Machine, stop: StopResult) -> bool:
 
 def _cruising(case: StopCase, at_deg: float, run: Runner) -> ClosedLoop:
     """The axis in steady motion, just arriving at the angle."""
-    machine, _, speed_deg_s, quick_dec_deg_s2 = case
+    machine, _, speed_deg_s, quick_dec_deg_s2, torque_constant_ratio = case
     plant, drive = plant_params(machine), drive_params(machine)
+    # A drive limits the torque that it asks for, and so does its gain.
+    for name in ("kvp_nm_s_per_rad", "torque_max_nm", "torque_rated_nm"):
+        setattr(drive, name, torque_constant_ratio * getattr(drive, name))
     if machine.plant.switches.eccentric_moment:
         plant.eccentric_moment_nm = _check_moment_nm(machine)
     # The wind is in the moment of the check.
@@ -195,9 +209,16 @@ def _cruising(case: StopCase, at_deg: float, run: Runner) -> ClosedLoop:
     way = ramp.pos_end + speed * _CRUISE_S
     start = rad(at_deg) - way
     plan = plan_velocity(SetPoint(start, 0.0, 0.0), speed, limits)
-    loop = ClosedLoop.standing_at(gantry_sim(machine, plant, drive), position_law(machine), start)
+    sim = gantry_sim(machine, plant, drive)
+    loop = ClosedLoop.standing_at(sim, position_law(machine), start, _compensation(machine))
     run(loop, [Leg(plan, plan.duration + _CRUISE_S)], ())
     return loop
+
+
+def _compensation(machine: Machine) -> _core.Compensation | None:
+    """The compensations that are on; none on a machine that is still to be identified, which stops without them."""
+    missing = machine.control.compensation.needs_calibration and machine.calibration is None
+    return None if missing else compensation(machine)
 
 
 def _check_moment_nm(machine: Machine) -> float:
@@ -216,7 +237,8 @@ def _ramp(machine: Machine, stop_class: StopClass, start: SetPoint) -> _core.Seg
     return plan_stop(start, MotionLimits(abs(start.vel_rad_s), dec, dec, jerk))
 
 
-def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: Log) -> StopResult:
+def _evaluate(case: StopCase, log: Log) -> StopResult:
+    machine, stop_class, speed_deg_s, *_ = case
     if not all(np.isfinite(log[name]).all() for name in _USED):
         raise ConfigError(
             [
@@ -231,23 +253,29 @@ def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: 
     moment = _check_moment_nm(machine) * machine.plant.switches.eccentric_moment
     rocking = base_motion_rad(machine, log["pos_base_rad"], load, moment)
     shake = rocking * machine.plant.gear_error.ring_radius_m * 1e6
-    energy = 0.0
+    lining = 0.0
     if stop_class is StopClass.BRAKE:
-        # Until then the brake is on its way: the motor coasts.
+        # Until then the brake is on its way: the motor coasts. A worn lining has a part of its torque.
         slipping = log.time_s >= machine.brake.close_time_ms * 1e-3
-        energy = machine.brake.torque_nm * float(np.sum(vel_motor[slipping])) * log.period_s * 1e-3
+        lining = (
+            plant_params(machine).brake_torque_nm * float(np.sum(vel_motor[slipping])) * log.period_s * 1e-3
+        )
+    taken = -float(np.sum(log["torque_act_nm"] * log["vel_motor_rad_s"])) * log.period_s * 1e-3
     return StopResult(
         stop_class,
         speed_deg_s,
         angle_deg=deg(abs(float(motor[rest] - motor[0]))) / ratio,
         time_s=rest * log.period_s,
         load_angle_deg=deg(float(np.max(np.abs(load - load[0])))),
-        torque_motor_nm=float(np.max(np.abs(log["torque_act_nm"]))),
+        torque_motor_nm=float(np.max(np.abs(log["torque_act_nm"]))) / case.torque_constant_ratio,
         torque_reducer_nm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio,
         base_um=float(np.ptp(shake)),
-        brake_energy_kj=energy,
+        brake_energy_kj=lining,
+        motor_energy_kj=taken,
         torque_limited=bool(np.any(log["torque_limited"])),
         load_swing_deg_s=deg(float(np.max(np.abs(log["vel_load_rad_s"][rest:])))),
+        settled_s=rest * log.period_s
+        + settling_s(log["vel_load_rad_s"][rest:], log.period_s, rad(AT_REST_DEG_S)),
     )
 
 

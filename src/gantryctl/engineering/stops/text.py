@@ -7,17 +7,20 @@ from collections.abc import Sequence
 
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.stops.certify import QuickStops
 from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
+from gantryctl.engineering.stops.uncertain import bands
 from gantryctl.machine import Machine, required_stopping_angle
 from gantryctl.machine.places import heaviest_deg
 from gantryctl.machine.rules.reaction import REACTION_S
 
 _NOTE = """All figures of the table are {origin}, on the full plant of the machine file; {measured}.
 Worst of four stops each (at {at} deg, both directions), with an eccentric moment of {moment:g} kN m.
-Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging at the speed of the last column.
+Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging, and is calm when the envelope
+of its swing is below that. kJ: what motor and brake lining take; friction takes the rest.
 + {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
 Required by {source}.
 Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards."""
@@ -28,8 +31,8 @@ def stops_text(rows: Sequence[StopRow]) -> TextTable:
     stops = [row.stop for row in rows]
     motor = _decimals([stop.torque_motor_nm for stop in stops], 0)
     reducer = _decimals([stop.torque_reducer_nm / 1e3 for stop in stops], 1)
-    energy = _decimals([stop.brake_energy_kj for stop in stops], 1)
-    return TextTable.of("", [_row(row, motor, reducer, energy) for row in rows])._replace(left=(0, 10))
+    energy = _decimals([max(stop.brake_energy_kj, stop.motor_energy_kj) for stop in stops], 1)
+    return TextTable.of("", [_row(row, motor, reducer, energy) for row in rows])._replace(left=(0, 12))
 
 
 def _decimals(values: Sequence[float], least: int) -> int:
@@ -49,10 +52,42 @@ def _row(row: StopRow, motor: int, reducer: int, energy: int) -> dict[str, str]:
         "motor\nN m": f"{stop.torque_motor_nm:.{motor}f}",
         "reducer\nkN m": f"{stop.torque_reducer_nm / 1e3:.{reducer}f}",
         "base\num p-p": f"{stop.base_um:.0f}",
+        "motor\nkJ": f"{stop.motor_energy_kj:.{energy}f}",
         "brake\nkJ": f"{stop.brake_energy_kj:.{energy}f}" if stop.brake_energy_kj else "-",
         "load swing\ndeg/s": f"{stop.load_swing_deg_s:.2f}",
-        "": "inspect afterwards" if row.inspect else "",
+        "calm\ns": f"{stop.settled_s:.1f}" if math.isfinite(stop.settled_s) else "never",
+        "": "inspect" if row.inspect else "",
     }
+
+
+def certificate_lines(machine: Machine, found: QuickStops) -> list[str]:
+    """What `stops --find-quick` tells."""
+    certified, known = found.certificate, found.identified_ratio
+    worst, motor, reducer = certified.worst, machine.motor, machine.reducer
+    half, moment = bands(machine), machine.plant.load.eccentric_check_moment_nm
+    widths = ", ".join(f"{name.replace('_', ' ')} +-{100.0 * value:g} %" for name, value in half.items())
+    configured = machine.virtual_axis.quick_dec_deg_s2
+    most = machine.plant.load.inertia_kg_m2 * (1.0 + known)
+    lines = [
+        f"{machine.name}: the largest quick stop within motor and reducer is {found.nominal_deg_s2:.4g} deg/s2; "
+        f"the machine file has quick_dec_deg_s2 = {configured:g}",
+        f"identified: {configured:g} deg/s2 hold for a load of up to {most:.4g} kg m2 ({100.0 * known:.1f} % more than "
+        f"the machine file); identified_inertia_ratio = {machine.plant.uncertainty.identified_inertia_ratio:g}",
+        f"not identified: certified {certified.dec_deg_s2:.4g} deg/s2, from at most {certified.speed_deg_s:.4g} deg/s "
+        f"within the permitted {machine.required.stopping_angle_deg:g} deg",
+        f"  over {widths} ([plant.uncertainty]), {moment / 1e3:g} kN m",
+        f"  {certified.plants} plants, {certified.stops} stops; largest at the motor {worst.torque_motor_nm:.0f} of "
+        f"{motor.torque_max_nm:g} N m ({certified.hardest_motor.text})",
+        f"  at the reducer {worst.torque_reducer_nm / 1e3:.1f} of {reducer.torque_momentary_nm / 1e3:g} kN m "
+        f"({certified.hardest_reducer.text})",
+    ]
+    if found.inertia_alone is not None:
+        alone = found.inertia_alone
+        lines.append(
+            f"  inertia alone, {100.0 * half['inertia']:+g} %: {alone.dec_deg_s2:.4g} deg/s2, from at most "
+            f"{alone.speed_deg_s:.4g} deg/s"
+        )
+    return lines
 
 
 def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:

@@ -247,6 +247,32 @@ class SwitchesTable(Table):
     rigid: bool = switch(False, "One inertia without any compliance.")
 
 
+class UncertaintyTable(Table):
+    """[plant.uncertainty]: how far the plant may lie from this file; the quick stop is certified over it."""
+
+    # What campaigns vary before a gantry is built (configs/campaigns/sensitivity.toml).
+    inertia_ratio: float = number(
+        0.2, 0.0, 0.5, "Half width of the band of the load's inertia before it is identified.", "estimate"
+    )
+    friction_ratio: float = number(
+        0.2, 0.0, 0.9, "The same of every friction, rollers and motor.", "estimate"
+    )
+    stiffness_ratio: float = number(
+        0.2, 0.0, 0.9, "The same of every stiffness of the transmission.", "estimate"
+    )
+    # Magnets lose some 0.1 % a kelvin, and name plates round.
+    torque_constant_ratio: float = number(
+        0.03, 0.0, 0.3, "The same of the torque that the motor gives for the torque asked of it.", "estimate"
+    )
+    # 5.4 deg/s2 leave 2.4 of 385 N m: `gantryctl stops --find-quick` prints how much inertia that is.
+    identified_inertia_ratio: float = number(
+        0.005,
+        0.0,
+        0.25,
+        "How much heavier than this file an identified load may be: every check of the quick stop takes it so.",
+    )
+
+
 class IntegrationTable(Table):
     """[plant.integration]: how the simulator steps through a drive cycle."""
 
@@ -272,4 +298,5 @@ class PlantTable(Table):
     encoder: PlantEncoderTable = table("Mounting of the motor encoder.", PlantEncoderTable)
     load_encoder: LoadEncoderTable = table("Encoder on the ring.", LoadEncoderTable)
     switches: SwitchesTable = table("Effects on and off.", SwitchesTable)
+    uncertainty: UncertaintyTable = table("How far the plant may lie from this file.", UncertaintyTable)
     integration: IntegrationTable = table("Integration of the equations.", IntegrationTable)

@@ -151,7 +151,9 @@ def test_the_worst_of_four_is_the_worst_of_four() -> None:
 
 
 def test_the_reference_machine_keeps_what_it_promises() -> None:
-    assert check_quick_stop(MACHINE) == hardest_quick_stop(MACHINE)
+    """With a load as heavy as an identified one may be."""
+    heavy = with_values(MACHINE, {"plant.load.inertia_kg_m2": 2.18e6 * 1.005})
+    assert check_quick_stop(MACHINE)[2:] == hardest_quick_stop(heavy)[2:]
 
 
 def test_the_default_is_the_largest_that_can_be_found() -> None:
