@@ -86,10 +86,7 @@ def init(
     source = default_machine_path()
     if interface is not None:
         _write_can(dest, force, {"interface": f'"{interface}"', "channel": f'"{channel}"', "node": str(node)})
-        if as_json:
-            print_json({"written": [str(dest)]})
-        else:
-            click.echo(f"wrote {dest}; next: gantryctl can scan --config {dest}")
+        _print_written([dest], f"next: gantryctl can scan --config {dest}", as_json)
         return
     if improved:
         source = source.with_name("hust_improved.toml")
@@ -101,10 +98,17 @@ def init(
         written.append(dest.with_name(calibration.name))
         _copy(calibration, written[-1], force)
     _write(_named(source.read_text(encoding="utf-8"), dest), dest, force)
+    _print_written(written, f"check it with `gantryctl config check {dest}`", as_json)
+
+
+def _print_written(written: list[Path], then: str, as_json: bool) -> None:
+    from gantryctl.machine.schema import put_schemas
+
+    schemas = put_schemas(written)
     if as_json:
-        print_json({"written": [str(path) for path in written]})
+        print_json({"written": [str(path) for path in (*written, *schemas)]})
         return
-    click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
+    click.echo(f"wrote {written[0]}; {then}")
 
 
 def _draft(
@@ -123,8 +127,8 @@ def _draft(
     if is_motor_file(sheet_path):
         raise UsageError(f"--sheet {sheet_path}: is a motor file; a requirement sheet is wanted")
     made = drafted(load_sheet(sheet_path), motor_files, dest.stem)
-    write_new({dest: machine_text(made)}, force)
-    report(made, gears_of_grade(made, gears) if gears else None, [dest], None, as_json)
+    schemas = write_new({dest: machine_text(made)}, force)
+    report(made, gears_of_grade(made, gears) if gears else None, [dest], schemas, None, as_json)
 
 
 def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:
@@ -235,10 +239,21 @@ def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bo
 
 
 @config.command()
-def schema() -> None:
-    """Print the JSON schema of a machine file."""
-    from gantryctl.machine import json_schema
+@click.option("--sheet", is_flag=True, help="That of a requirement sheet.")
+def schema(sheet: bool) -> None:
+    """Print the JSON schema of a machine file, for an editor.
 
+    It lies beside every file that gantryctl writes, as machine.schema.json, and the file names it in its first line,
+    `#:schema ./machine.schema.json`: so editors that read this line complete keys and mark what is wrong. Rules
+    between keys are in `config check` only.
+    """
+    from gantryctl.machine.schema import json_schema
+
+    if sheet:
+        from gantryctl.engineering.sizing.sheet import Sheet
+
+        print_json(json_schema(Sheet, "requirement sheet"))
+        return
     print_json(json_schema())
 
 

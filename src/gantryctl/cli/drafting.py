@@ -155,23 +155,33 @@ def drafted(sheet: Sheet, motor_files: tuple[Path, ...], name: str) -> Draft:
     return draft_with(sheet, load_motors(list(motor_files) or delivered_motors()), name)
 
 
-def write_new(texts: dict[Path, str], force: bool) -> None:
+def write_new(texts: dict[Path, str], force: bool) -> list[Path]:
     """Write files that are new, or all of them anew with `force`; none when one of them exists.
+
+    Returns:
+        The schemas for editors that lie beside them.
 
     Raises:
         UsageError: one exists, or cannot be written.
     """
     from gantryctl.errors import UsageError
+    from gantryctl.machine.schema import put_schemas
 
     for path in texts:
         if path.exists() and not force:
             raise UsageError(f"{path}: exists already; --force overwrites it")
     for path, text in texts.items():
         write_text(path, text)
+    return put_schemas(texts)
 
 
 def report(
-    made: Draft, gears: GearsOfGrade | None, written: list[Path], sheet: Values | None, as_json: bool
+    made: Draft,
+    gears: GearsOfGrade | None,
+    written: list[Path],
+    schemas: list[Path],
+    sheet: Values | None,
+    as_json: bool,
 ) -> None:
     """Print what was written, the motor, every guess with its rule, what gears give, and what is left open."""
     from gantryctl.engineering.drafting.open_items import brake_overload
@@ -182,7 +192,7 @@ def report(
     if as_json:
         print_json(
             {
-                "written": [str(path) for path in written],
+                "written": [str(path) for path in (*written, *schemas)],
                 "motor": made.fit.motor.name,
                 "guesses": found,
                 "gears": None if gears is None else _gears_data(gears),

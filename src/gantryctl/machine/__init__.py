@@ -22,7 +22,6 @@ from gantryctl.machine.effective import (
     diff_machines,
     effective_values,
     identity_hash,
-    json_schema,
     origins,
     short_hash,
 )
@@ -69,7 +68,6 @@ __all__ = [
     "field_specs",
     "identity_hash",
     "is_reference_machine",
-    "json_schema",
     "load_calibration",
     "load_machine",
     "load_table",

@@ -1,4 +1,4 @@
-"""Values in force: with their origin, the hashes over them, differences, as the text of a file, the JSON schema."""
+"""Values in force: with their origin, the hashes over them, differences, as the text of a file."""
 
 from __future__ import annotations
 
@@ -102,15 +102,6 @@ def diff_machines(first: Machine, second: Machine) -> list[Difference]:
     a, b = effective_values(first), effective_values(second)
     units = {path: spec.unit for path, spec in field_specs().items()}
     return [Difference(path, a[path], b[path], unit) for path, unit in units.items() if a[path] != b[path]]
-
-
-def json_schema() -> dict[str, Any]:
-    """JSON schema of a machine file: bounds, units, meanings. Rules between keys are not in it."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Machine.model_json_schema(mode="validation"),
-        "title": "gantryctl machine file",
-    }
 
 
 def _given(machine: Machine, path: str) -> bool:

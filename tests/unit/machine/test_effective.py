@@ -13,7 +13,6 @@ from gantryctl.machine import (
     diff_machines,
     effective_values,
     field_specs,
-    json_schema,
     origins,
     parse_machine,
     short_hash,
@@ -112,24 +111,6 @@ def test_with_values_leaves_the_machine_alone():
 def test_with_values_refuses_unknown_paths(path):
     with pytest.raises(ConfigError):
         with_values(MACHINE, {path: 1.0})
-
-
-def test_schema_has_bounds_units_and_no_room_for_unknown_keys():
-    schema = json.loads(json.dumps(json_schema(), allow_nan=False))
-    assert schema["required"] == ["machine", "axis", "motor", "encoder"]
-    assert schema["additionalProperties"] is False
-    required = schema["$defs"]["RequiredTable"]
-    assert required["additionalProperties"] is False
-    assert required["properties"]["stopping_angle_deg"] == {
-        "default": 4.0,
-        "description": field_specs()["required.stopping_angle_deg"].meaning,
-        "maximum": 90.0,
-        "minimum": 0.01,
-        "source": "choice",
-        "title": "Stopping Angle Deg",
-        "type": "number",
-        "unit": "deg",
-    }
 
 
 def test_reference_page_is_the_one_written_from_the_schema():

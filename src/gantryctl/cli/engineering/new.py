@@ -67,5 +67,5 @@ def new(
         sheet_path: sheet_text(values, answered.template.template.name),
         machine_path: machine_text(made),
     }
-    write_new(texts, force)
-    report(made, tried, list(texts), values, as_json)
+    schemas = write_new(texts, force)
+    report(made, tried, list(texts), schemas, values, as_json)

@@ -68,10 +68,10 @@ def init(
     check_name(dest.stem, "DEST")
     answered, values = sheet_of(dest.stem, template_name, answers_file, options, as_json)
     drafted_sheet(values, str(dest))
-    write_new({dest: sheet_text(values, answered.template.template.name)}, force)
+    schemas = write_new({dest: sheet_text(values, answered.template.template.name)}, force)
     lines = guess_lines(values)
     if as_json:
-        print_json({"written": [str(dest)], "guesses": lines})
+        print_json({"written": [str(path) for path in (dest, *schemas)], "guesses": lines})
         return
     click.echo(f"wrote {dest}")
     show_guesses("sheet", lines)
@@ -198,6 +198,7 @@ def _print_limits(base: Machine | None, shown: Fit) -> int:
 
 def _write(base: Machine | None, shown: Fit, path: Path) -> None:
     from gantryctl.errors import UsageError
+    from gantryctl.machine.schema import MACHINE_LINE, put_schemas
 
     if base is None:
         check_name(path.stem, "--write")
@@ -207,7 +208,7 @@ def _write(base: Machine | None, shown: Fit, path: Path) -> None:
 
         sheet = shown.train.sheet.sheet.name
         head = f"# {base.name} with requirement sheet {sheet} and motor {shown.motor.name}\n"
-        text = head + to_toml(_followed(base, shown))
+        text = MACHINE_LINE + head + to_toml(_followed(base, shown))
     try:
         # Never over a file that exists: a machine file is a person's work.
         with path.open("x", encoding="utf-8") as file:
@@ -216,6 +217,7 @@ def _write(base: Machine | None, shown: Fit, path: Path) -> None:
         raise UsageError(f"--write {path}: exists already; choose another name") from None
     except OSError as fault:
         raise UsageError(f"--write {path}: cannot be written: {fault.strerror or fault}") from None
+    put_schemas([path])
     click.echo(f"wrote {path}; check it with `gantryctl config check {path}`", err=True)
 
 

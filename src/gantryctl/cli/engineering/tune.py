@@ -133,6 +133,7 @@ def _tune_on_bus(
     from gantryctl.engineering.tuning.gains import machine_with
     from gantryctl.machine import default_machine_path
     from gantryctl.machine.effective import to_toml
+    from gantryctl.machine.schema import MACHINE_LINE, put_schemas
     from gantryctl.wiring.compensation import check_calibration
 
     waiting = None if again else on_bus.load_session(folder / SESSION)
@@ -150,7 +151,8 @@ def _tune_on_bus(
     on_bus.store_session(folder / SESSION, session)
     if session.after is None:
         in_use = config_file or default_machine_path()
-        write_text(folder / PROPOSAL, to_toml(machine_with(machine, session.proposal)))
+        proposal = MACHINE_LINE + to_toml(machine_with(machine, session.proposal))
+        put_schemas([write_text(folder / PROPOSAL, proposal)])
         named = machine.control.compensation.calibration
         if named and (in_use.parent / named).is_file():
             write_text(folder / named, (in_use.parent / named).read_text("utf-8"))

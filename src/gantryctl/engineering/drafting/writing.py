@@ -9,6 +9,7 @@ from gantryctl.engineering.drafting.origin import Drafted, Origin, Values, guess
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.machine import field_specs
 from gantryctl.machine.effective import toml_tables
+from gantryctl.machine.schema import MACHINE_LINE, SHEET_LINE
 from gantryctl.machine.specs import FieldSpec
 
 _ORIGINS: Final = """\
@@ -21,6 +22,7 @@ def machine_text(draft: Draft) -> str:
     """The machine file of a draft."""
     sheet, motor = draft.fit.train.sheet.sheet, draft.fit.motor
     head = (
+        f"{MACHINE_LINE}"
         f"# Drafted from requirement sheet {sheet.name} with motor {motor.name} ({motor.identity.source}).\n"
         f"{_ORIGINS}\n"
         "# Then: gantryctl config check, gantryctl stops, gantryctl tune, gantryctl accuracy run. The simulator alone\n"
@@ -32,7 +34,7 @@ def machine_text(draft: Draft) -> str:
 def sheet_text(values: Values, template: str) -> str:
     """The requirement sheet of a person's answers."""
     head = (
-        f"# Requirement sheet of template {template}.\n{_ORIGINS}\n"
+        f"{SHEET_LINE}# Requirement sheet of template {template}.\n{_ORIGINS}\n"
         "# Then: gantryctl size this_file, gantryctl config init machine.toml --sheet this_file.\n\n"
     )
     return head + _tables(values, field_specs(Sheet))

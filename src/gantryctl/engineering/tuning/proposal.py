@@ -10,6 +10,7 @@ from gantryctl.engineering.tuning.text import before_after_table
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, short_hash
 from gantryctl.machine.effective import to_toml
+from gantryctl.machine.schema import MACHINE_LINE, put_schemas
 
 
 def proposed_machine(tuning: Tuning) -> Machine:
@@ -35,11 +36,11 @@ def proposal_text(tuning: Tuning) -> str:
         *(f"# {row[0]:{width}} " + "".join(f"{cell:>12}" for cell in row[1:]) for row in table.rows),
         "",
     ]
-    return "\n".join(lines) + "\n" + to_toml(proposed_machine(tuning))
+    return MACHINE_LINE + "\n".join(lines) + "\n" + to_toml(proposed_machine(tuning))
 
 
 def write_proposal(tuning: Tuning, path: Path, in_use: Path) -> list[Path]:
-    """Write the proposal, and beside it a copy of the calibration file that the machine names.
+    """Write the proposal, and beside it its schema and a copy of the calibration file that the machine names.
 
     Args:
         tuning: the result. path: where to. in_use: the machine file that was tuned.
@@ -57,10 +58,10 @@ def write_proposal(tuning: Tuning, path: Path, in_use: Path) -> list[Path]:
         named = tuning.machine.control.compensation.calibration
         calibration = in_use.parent / named
         if not named or not calibration.is_file():
-            return [path]
+            return [path, *put_schemas([path])]
         copy = path.parent / named
         if not (copy.exists() and copy.samefile(calibration)):
             copy.write_bytes(calibration.read_bytes())
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
-    return [path, copy]
+    return [path, copy, *put_schemas([path])]

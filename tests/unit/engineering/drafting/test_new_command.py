@@ -88,7 +88,7 @@ def test_an_axis_that_turns_without_end():
 
 def test_json_and_the_origin_of_every_value():
     said = json.loads(run("new", "rig", "--template", "rotary_table", "--json").output)
-    assert said["written"] == ["rig_sheet.toml", "rig.toml"]
+    assert said["written"] == ["rig_sheet.toml", "rig.toml", "sheet.schema.json", "machine.schema.json"]
     machine = load_machine("rig.toml")
     assert len(said["guesses"]["machine"]) == len(machine.machine.guesses)
     assert said["motor"].startswith("pm_")

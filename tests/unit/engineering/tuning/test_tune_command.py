@@ -18,6 +18,9 @@ from gantryctl.machine import (
     with_values,
 )
 from gantryctl.machine.effective import to_toml
+from gantryctl.machine.schema import MACHINE_LINE
+
+WRITTEN = {"proposal.toml", "machine.schema.json", "tuning.json", "report.html"}
 
 
 def run(*arguments):
@@ -47,7 +50,7 @@ def test_the_paper_s_procedure_in_words(ready, tmp_path):
     assert "trials: Kvp" in words
     assert "too much" in words
     assert "proposal: UNSTABLE on" in words
-    assert {path.name for path in tmp_path.iterdir()} == {"proposal.toml", "tuning.json", "report.html"}
+    assert {path.name for path in tmp_path.iterdir()} == WRITTEN
 
 
 def test_by_margins_with_a_report(ready, tmp_path):
@@ -58,7 +61,7 @@ def test_by_margins_with_a_report(ready, tmp_path):
     assert "confirmed on the whole uncertain set; one encoder step permits Kvp up to 214" in words
     assert "configured: UNSTABLE on 12 of 156 uncertain plants" in words
     names = {path.name for path in (tmp_path / "new").iterdir()}
-    assert names == {"proposal.toml", "tuning.json", "report.html"}
+    assert names == WRITTEN
     page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
     assert "The proposal is stable on 156 of 156 uncertain plants" in page
     assert page.count("<svg") == 2
@@ -93,7 +96,7 @@ def test_the_proposal_is_a_machine_file_that_differs_in_the_gains_only(ready, tm
     }
     assert default_machine_path().read_bytes() == before
     text = path.read_text(encoding="utf-8")
-    assert text.startswith("# Proposal of `gantryctl tune --method margins` for hust_gantry")
+    assert text.startswith(MACHINE_LINE + "# Proposal of `gantryctl tune --method margins` for hust_gantry")
     assert "# uncertain plants, unstable of all" in text
 
 
@@ -111,8 +114,9 @@ def test_the_calibration_goes_with_the_proposal(designed, tmp_path):
 
     source = configs_folder() / "hust_improved.toml"
     improved = replace(designed, machine=load_machine(source))
-    first, second = write_proposal(improved, tmp_path / "proposal.toml", source)
+    first, second, schema = write_proposal(improved, tmp_path / "proposal.toml", source)
     assert second.name == improved.machine.control.compensation.calibration
+    assert schema.read_bytes() == (configs_folder() / "machine.schema.json").read_bytes()
     assert load_machine(first).calibration is not None
 
 
