@@ -178,7 +178,7 @@ def test_other_commands_on_any_allowed_machine(changes: dict[str, Any]) -> None:
     if refused_in_lines(cli("config", "check", file)):
         return
     for command in (
-        ["speed-test", "--speed", "0.5"],
+        ["speed-test", "--speed", "3"],
         ["stops", "--speed", "1"],
         ["sim", "reset"],
         ["status"],

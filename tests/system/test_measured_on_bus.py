@@ -54,9 +54,9 @@ def test_a_weak_speed_loop_fails_the_speed_test_on_the_bus() -> None:
 
 
 def test_a_speed_outside_the_setting_moves_nothing() -> None:
-    refused = cli("speed-test", "--speed", "2", "--config", configs_folder() / "hust_can.toml")
+    refused = cli("speed-test", "--speed", "0.5", "--config", configs_folder() / "hust_can.toml")
     assert refused.code == 2
-    assert "the setting goes from 0.1 to 1 r/min" in refused.err
+    assert "the setting goes from 0.6 to 6 deg/s" in refused.err
 
 
 @pytest.mark.slow

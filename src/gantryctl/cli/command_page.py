@@ -22,8 +22,8 @@ Written by `python -m gantryctl.cli.command_page docs/reference/cli.md packaging
 compares. `man gantryctl` says the same where it is installed.
 
 Results go to standard output, messages to standard error; `--json` prints one JSON object and nothing else. Angles are
-degrees at the load, speeds deg/s; speeds of the speed test are r/min, as their options say. `-` in the place of a file
-that is read is standard input.
+degrees at the load, speeds deg/s; r/min stands behind a number where it is meant: name plates of motors, requirement
+sheets. `-` in the place of a file that is read is standard input.
 """
 EXIT_CODES: Final = {
     "0": "done",

@@ -91,7 +91,7 @@ RUNS: dict[str, list[str]] = {
     "sim reset": ["sim", "reset"],
     "stops": ["stops", "--speed", "1"],
     "stops --find-quick": ["stops", "--find-quick"],
-    "speed-test": ["speed-test", "--speed", "0.5"],
+    "speed-test": ["speed-test", "--speed", "3"],
     "accuracy run": ["accuracy", "run", "--no-speed-test", "--out", "report"],
     "accuracy report": ["accuracy", "report", "--measured", "table.csv", "--out", "report"],
     "accuracy measure": ["accuracy", "measure", "--instrument", "simulated", "--config", "quick.toml"],

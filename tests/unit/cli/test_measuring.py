@@ -28,7 +28,7 @@ def test_stops_prints_every_class_and_is_exit_code_1_when_one_is_too_long(tmp_pa
 
 
 def test_speed_test_passes_and_fails(tmp_path: Path) -> None:
-    text = done("speed-test", "--speed", "0.5", "--out", tmp_path).out
+    text = done("speed-test", "--speed", "3", "--out", tmp_path).out
     assert [line.split()[0] for line in text.splitlines()] == [
         "speed",
         "asked",
@@ -41,7 +41,7 @@ def test_speed_test_passes_and_fails(tmp_path: Path) -> None:
     assert page.count('class="recording"') == 2
     assert "at most 0.01°/s" in page
     slack = machine_file(tmp_path / "m.toml", {"control.kvf": 0.0})
-    answer = cli("speed-test", "--speed", "0.5", "--config", slack)
+    answer = cli("speed-test", "--speed", "3", "--config", slack)
     assert answer.code == 1
     assert "FAIL" in answer.out
 

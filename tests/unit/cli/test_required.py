@@ -90,13 +90,13 @@ def test_speed_test(tmp_path: Path) -> None:
     strict = machine_file(
         tmp_path / "s.toml", {"required.speed_error_ratio": ratio, "required.source": SOURCE}
     )
-    answer = cli("speed-test", "--speed", "0.5", "--config", strict)
+    answer = cli("speed-test", "--speed", "3", "--config", strict)
     assert answer.code == 1
     assert f"motor side: at most 0.0025 deg/s, required by hust_gantry {BY}" in answer.out
-    runs = json.loads(cli("speed-test", "--speed", "0.5", "--config", strict, "--json").out)
+    runs = json.loads(cli("speed-test", "--speed", "3", "--config", strict, "--json").out)
     assert [run["required"]["limit"] for run in runs] == [0.0025, 0.0025]
     assert [run["passed"] for run in runs] == [False, False]
-    assert cli("speed-test", "--speed", "0.5").code == 0
+    assert cli("speed-test", "--speed", "3").code == 0
 
 
 def test_stops_name_who_requires_the_angle(tmp_path: Path) -> None:

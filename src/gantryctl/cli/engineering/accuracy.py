@@ -11,7 +11,6 @@ from gantryctl.cli.engineering.accuracy_end import finish
 from gantryctl.cli.engineering.at_the_load import SIMULATED_CERTIFICATE, certificate_option
 from gantryctl.cli.engineering.experiment import (
     bus_experiment,
-    in_deg_s,
     machine_under_test,
     plan_options,
     speeds_option,
@@ -92,7 +91,7 @@ def run_(
     runs: int,
     bases_deg: tuple[float, ...],
     displacements_deg: tuple[float, ...],
-    speeds_r_min: tuple[float, ...],
+    speeds_deg_s: tuple[float, ...],
     ensemble: int,
     radius_m: float | None,
     noise_um: float | None,
@@ -131,7 +130,7 @@ def run_(
         bases_deg=bases_deg,
         displacements_deg=displacements_deg,
     )
-    speeds = speeds_to_test(machine, in_deg_s(speeds_r_min)) if with_speed else ()
+    speeds = speeds_to_test(machine, speeds_deg_s) if with_speed else ()
     # Before anything runs: a long test must not end at a folder that cannot be made.
     folder = directory(out or DEFAULT_OUT)
     if not as_json:
@@ -328,7 +327,7 @@ def _shipped(table: Path) -> Path:
 @json_option
 def speed_test(
     config_file: Path | None,
-    speeds_r_min: tuple[float, ...],
+    speeds_deg_s: tuple[float, ...],
     out: Path | None,
     yes: bool,
     as_json: bool,
@@ -349,7 +348,7 @@ def speed_test(
 
     machine = machine_under_test(config_file, "speed-test")
     file = directory(out) / "report.html" if out is not None else None
-    wanted = speeds_to_test(machine, in_deg_s(speeds_r_min))
+    wanted = speeds_to_test(machine, speeds_deg_s)
     if machine.on_bus:
         moves = f"moves both ways through the travel at {', '.join(f'{speed:g}' for speed in wanted)} deg/s"
         with bus_experiment(machine, moves, yes=yes, needs_torque=False) as run:

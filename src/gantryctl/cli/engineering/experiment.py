@@ -22,10 +22,10 @@ _OTHERWISE: Final = "may be repeated. [accuracy] {key}, or the travel's own, whe
 
 speeds_option = click.option(
     "--speed",
-    "speeds_r_min",
+    "speeds_deg_s",
     type=FINITE,
     multiple=True,
-    help="Speed of the speed test, r/min; may be repeated. [accuracy] speeds_deg_s, or lowest setting, half of the "
+    help="Speed of the speed test, deg/s; may be repeated. [accuracy] speeds_deg_s, or lowest setting, half of the "
     "highest and the highest, when not given.",
 )
 
@@ -72,13 +72,6 @@ def plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(options):
         command = option(command)
     return command
-
-
-def in_deg_s(speeds_r_min: tuple[float, ...]) -> tuple[float, ...]:
-    """Speeds of the option in deg/s."""
-    from gantryctl.units import DEG_S_PER_R_MIN
-
-    return tuple(speed * DEG_S_PER_R_MIN for speed in speeds_r_min)
 
 
 def asking(machine: Machine, moves: str, *, yes: bool) -> Callable[[AxisRun], None]:

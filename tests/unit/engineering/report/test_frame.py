@@ -84,9 +84,9 @@ def test_facts_of_a_machine(tmp_path: Path) -> None:
 
 def test_a_command_names_itself_and_the_encoder_that_it_has_met(tmp_path: Path) -> None:
     done("move", "1")
-    done("speed-test", "--speed", "0.5", "--out", tmp_path, "--witness", "W. W", "--date", "today")
+    done("speed-test", "--speed", "3", "--out", tmp_path, "--witness", "W. W", "--date", "today")
     text = (tmp_path / "report.html").read_text("utf-8")
-    assert f"gantryctl speed-test --speed 0.5 --out {tmp_path} --witness" in text
+    assert f"gantryctl speed-test --speed 3 --out {tmp_path} --witness" in text
     assert "serial number SIM-0001" in text
     assert "today" in text
 

@@ -25,7 +25,6 @@ from gantryctl.engineering.accuracy.procedure.procedures import (
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.machine.places import fitted_stretch_deg
-from gantryctl.units import DEG_S_PER_R_MIN
 from gantryctl.wiring.program import ramps_deg
 
 STEP_DEG: Final = 5.0
@@ -169,8 +168,8 @@ def _check_speed(machine: Machine, speed_deg_s: float) -> None:
     # 0.1 r/min are 0.6000000000000001 deg/s.
     if not speed.setting_min_deg_s / _ROUNDING <= speed_deg_s <= speed.setting_max_deg_s * _ROUNDING:
         raise UsageError(
-            f"speed {speed_deg_s / DEG_S_PER_R_MIN:g} r/min: the setting goes from "
-            f"{speed.setting_min_deg_s / DEG_S_PER_R_MIN:g} to {speed.setting_max_deg_s / DEG_S_PER_R_MIN:g} r/min"
+            f"speed {speed_deg_s:g} deg/s: the setting goes from {speed.setting_min_deg_s:g} to "
+            f"{speed.setting_max_deg_s:g} deg/s"
         )
     # The paper's 0.393 deg/s2 takes 45.8 deg to reach 6 deg/s and as much to leave it: the moves of the chord
     # test peak at 1.4 to 2.8 deg/s, so the speed test is a test of its own.
