@@ -37,7 +37,9 @@ def test_a_run_of_the_usual_length_is_kept_and_the_next_one_compared(
 ) -> None:
     values = iter([10.0, 5.0])
     monkeypatch.setitem(
-        GROUPS, "scan", lambda repeats, scale: [Figure("scan_us", "one scan", next(values), "us", most=8.0)]
+        GROUPS,
+        "scan",
+        lambda repeats, scale, watch: [Figure("scan_us", "one scan", next(values), "us", most=8.0)],
     )
     first = cli("bench", "scan")
     assert first.code == 1  # 10 us against a limit of 8
@@ -51,7 +53,9 @@ def test_a_run_of_the_usual_length_is_kept_and_the_next_one_compared(
 
 
 def test_a_shorter_run_is_not_kept(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(GROUPS, "scan", lambda repeats, scale: [Figure("scan_us", "one scan", 1.0, "us")])
+    monkeypatch.setitem(
+        GROUPS, "scan", lambda repeats, scale, watch: [Figure("scan_us", "one scan", 1.0, "us")]
+    )
     assert "not kept" in cli("bench", "scan", "--scale", "0.5").out
     assert not (state / "bench.json").exists()
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gantryctl.cli.options import directory, json_option, number_option, out_option, print_json
+from gantryctl.cli.progress import metered
 from gantryctl.cli.values import Whole
 
 if TYPE_CHECKING:
@@ -59,13 +60,14 @@ def bench(groups: tuple[str, ...], repeats: int, scale: float, out: Path | None,
     peers: list[PeerResult] = []
     written: list[str] = []
     for group in chosen:
-        if group == "peers":
-            peers = compare_peers(repeats, scale)
-            found[group] = peer_figures(peers)
-            if out is not None:
-                written = [str(path) for path in write_peers(directory(out), peers, repeats)]
-        else:
-            found[group] = GROUPS[group](repeats, scale)
+        with metered(1.0, quiet=as_json) as meter:
+            if group == "peers":
+                peers = compare_peers(repeats, scale, watch=meter.reach)
+                found[group] = peer_figures(peers)
+            else:
+                found[group] = GROUPS[group](repeats, scale, meter.reach)
+        if group == "peers" and out is not None:
+            written = [str(path) for path in write_peers(directory(out), peers, repeats)]
         if not as_json:
             _print(group, found[group], last[group])
             for one in peers if group == "peers" else []:

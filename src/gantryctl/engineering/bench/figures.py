@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+
+Watch: TypeAlias = Callable[[float], None]
+"""Is told which part of a work is done, 0 to 1, as it goes on."""
+
+
+def nobody(part: float) -> None:
+    """Watch nothing."""
 
 
 class Figure(NamedTuple):
@@ -35,10 +42,11 @@ class Figure(NamedTuple):
         return {**self._asdict(), "met": self.met}
 
 
-def medians(jobs: Mapping[str, Callable[[], float]], repeats: int) -> dict[str, float]:
+def medians(jobs: Mapping[str, Callable[[], float]], repeats: int, watch: Watch = nobody) -> dict[str, float]:
     """Median of each job, all taking turns: a busy computer slows all of them."""
     values: dict[str, list[float]] = {name: [] for name in jobs}
-    for _ in range(repeats):
-        for name, job in jobs.items():
+    for turn in range(repeats):
+        for number, (name, job) in enumerate(jobs.items(), 1):
             values[name].append(job())
+            watch((turn + number / len(jobs)) / repeats)
     return {name: statistics.median(each) for name, each in values.items()}

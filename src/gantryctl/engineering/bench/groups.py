@@ -9,14 +9,16 @@ from collections.abc import Callable
 from typing import Final
 
 from gantryctl.engineering.bench import jobs
-from gantryctl.engineering.bench.figures import Figure, medians
+from gantryctl.engineering.bench.figures import Figure, Watch, medians, nobody
 from gantryctl.engineering.bench.peers.compare import peers
 from gantryctl.engineering.computer.scan_trial import scan_trial
 
 _RATE: Final = "axis s/s"
+# Part of the time of the batch that its turns take, about; the chord tests take the rest.
+_TURNS: Final = 0.9
 
 
-def batch(repeats: int, scale: float) -> list[Figure]:
+def batch(repeats: int, scale: float, watch: Watch = nobody) -> list[Figure]:
     """The full plant: scheme against scheme, standing against moving, many against one."""
     cores = os.cpu_count() or 1
     seconds = max(1, round(30 * scale))
@@ -33,10 +35,14 @@ def batch(repeats: int, scale: float) -> list[Figure]:
             "all": lambda: jobs.many(16 * cores, cores, seconds),
         },
         repeats,
+        lambda part: watch(part * _TURNS),
     )
     operations = jobs.operations()
     share = rate["pack"] * jobs.cycles_per_s() * operations / rate["limit"]
-    chord = [jobs.chord_test() for _ in range(max(1, repeats // 2))]
+    chord = []
+    for _ in range(max(1, repeats // 2)):
+        chord.append(jobs.chord_test())
+        watch(_TURNS + (1.0 - _TURNS) * len(chord) / max(1, repeats // 2))
     return [
         Figure("one_plant", "full plant, one", rate["one"], _RATE),
         Figure("one_over_rk4", "one evaluation / RK4, two sub-steps", rate["one"] / rate["rk4"], least=5.0),
@@ -52,7 +58,7 @@ def batch(repeats: int, scale: float) -> list[Figure]:
     ]  # fmt: skip
 
 
-def scan(repeats: int, scale: float) -> list[Figure]:
+def scan(repeats: int, scale: float, watch: Watch = nobody) -> list[Figure]:
     """The shipped program, scan by scan through Python."""
     seconds = 10.0 * scale
     rate = medians(
@@ -63,6 +69,7 @@ def scan(repeats: int, scale: float) -> list[Figure]:
             "plant": lambda: jobs.full("one_evaluation", max(1, round(seconds))),
         },
         repeats,
+        watch,
     )
     return [
         Figure("scan_1_ms", "engine, program and plant, 1 ms", rate["1 ms"], _RATE, least=50.0),
@@ -73,11 +80,18 @@ def scan(repeats: int, scale: float) -> list[Figure]:
     ]
 
 
-def jitter(_repeats: int, scale: float) -> list[Figure]:
+def jitter(_repeats: int, scale: float, watch: Watch = nobody) -> list[Figure]:
     """Lateness of the scan in real time, as `gantryctl doctor` measures it."""
-    figures = []
-    for period_ms in (1.0, 4.0):
-        trial = scan_trial(period_ms, max(0.1, 10.0 * scale))
+    figures, periods_ms, seconds = [], (1.0, 4.0), max(0.1, 10.0 * scale)
+    done_s = 0.0
+
+    def later(more_s: float) -> None:
+        nonlocal done_s
+        done_s += more_s
+        watch(done_s / (seconds * len(periods_ms)))
+
+    for period_ms in periods_ms:
+        trial = scan_trial(period_ms, seconds, watch=later)
         late, name = trial.statistics.lateness, f"{period_ms:g}_ms"
         figures += [
             Figure(
@@ -91,7 +105,7 @@ def jitter(_repeats: int, scale: float) -> list[Figure]:
     return figures
 
 
-def commands(repeats: int, _scale: float) -> list[Figure]:
+def commands(repeats: int, _scale: float, watch: Watch = nobody) -> list[Figure]:
     """What a user waits for."""
     wall = medians(
         {
@@ -100,6 +114,7 @@ def commands(repeats: int, _scale: float) -> list[Figure]:
             "move": lambda: jobs.command_s("move", "5"),
         },
         repeats,
+        watch,
     )
     return [
         Figure("help_s", "gantryctl --help", wall["help"], "s", most=0.2),
@@ -109,11 +124,11 @@ def commands(repeats: int, _scale: float) -> list[Figure]:
     ]
 
 
-GROUPS: Final[dict[str, Callable[[int, float], list[Figure]]]] = {
+GROUPS: Final[dict[str, Callable[[int, float, Watch], list[Figure]]]] = {
     "peers": peers,
     "batch": batch,
     "scan": scan,
     "jitter": jitter,
     "cli": commands,
 }
-"""Each takes how often a job takes its turn, and the part of its usual length: 1, and less in tests."""
+"""Each takes how often a job takes its turn, the part of its usual length (1, and less in tests), and who watches."""

@@ -41,8 +41,11 @@ def test_jobs_take_turns_and_medians_count() -> None:
         order.append(name)
         return next(values[name])
 
-    assert medians({"a": lambda: job("a"), "b": lambda: job("b")}, 3) == {"a": 2.0, "b": 6.0}
+    parts: list[float] = []
+    found = medians({"a": lambda: job("a"), "b": lambda: job("b")}, 3, parts.append)
+    assert found == {"a": 2.0, "b": 6.0}
     assert "".join(order) == "ababab"
+    assert parts == pytest.approx([1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6, 1.0])
 
 
 def test_the_next_run_finds_the_last_one(state: Path) -> None:
@@ -89,7 +92,11 @@ def test_the_committed_page_is_one_of_this_program() -> None:
 @pytest.mark.parametrize("group", ["batch", "scan", "jitter"])
 def test_a_group_measures_something(group: str) -> None:
     # One thousandth of the usual length: the figures mean nothing, but they are all there.
-    figures = GROUPS[group](1, 0.01)
+    parts: list[float] = []
+    figures = GROUPS[group](1, 0.01, parts.append)
+    assert parts == sorted(parts)
+    # A trial in real time ends with the scan that began last.
+    assert parts[-1] == pytest.approx(1.0, abs=0.1)
     assert figures
     assert len({figure.key for figure in figures}) == len(figures)
     assert all(math.isfinite(figure.value) and figure.value > 0.0 for figure in figures)

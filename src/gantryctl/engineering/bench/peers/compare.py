@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from gantryctl import _core
-from gantryctl.engineering.bench.figures import Figure, medians
+from gantryctl.engineering.bench.figures import Figure, Watch, medians, nobody
 from gantryctl.engineering.bench.peers.building import compiler_version
 from gantryctl.engineering.bench.peers.table import OWN, PEERS, Peer
 from gantryctl.engineering.bench.rigid import TOLERANCE_DEG, Run, deviation_deg, reference, same_job
@@ -38,12 +38,16 @@ class WrongJob(GantryctlError):
     exit_code = 1
 
 
-def compare_peers(repeats: int, scale: float, table: tuple[Peer, ...] = PEERS) -> list[PeerResult]:
+def compare_peers(
+    repeats: int, scale: float, table: tuple[Peer, ...] = PEERS, watch: Watch = nobody
+) -> list[PeerResult]:
     """Measure every peer that is installed.
 
     Args:
         repeats: how often each takes its turn.
         scale: part of the usual length.
+        table: the peers.
+        watch: is told the part that is done.
 
     Raises:
         WrongJob: a program does another job.
@@ -52,8 +56,16 @@ def compare_peers(repeats: int, scale: float, table: tuple[Peer, ...] = PEERS) -
     expected = reference(max(peer.seconds for peer in chosen))
     runs: dict[str, Run] = {}
     with TemporaryDirectory(prefix="gantryctl-bench-") as folder:
-        results = [_prepared(peer, expected, Path(folder) / str(n), runs) for n, peer in enumerate(chosen)]
-        spent = medians({name: partial(_spent_s, run) for name, run in runs.items()}, repeats)
+        # To be prepared, each is built and runs once: about as long as a turn.
+        turns, results = repeats + 1, []
+        for n, peer in enumerate(chosen):
+            results.append(_prepared(peer, expected, Path(folder) / str(n), runs))
+            watch((n + 1) / len(chosen) / turns)
+        spent = medians(
+            {name: partial(_spent_s, run) for name, run in runs.items()},
+            repeats,
+            lambda part: watch((1.0 + part * repeats) / turns),
+        )
     return [
         result._replace(rate=result.peer.seconds / spent[result.peer.name]) if not result.why_not else result
         for result in results
@@ -85,9 +97,9 @@ def _spent_s(run: Run) -> float:
     return run().spent_s
 
 
-def peers(repeats: int, scale: float) -> list[Figure]:
+def peers(repeats: int, scale: float, watch: Watch = nobody) -> list[Figure]:
     """Rates and their ratios, as figures."""
-    return peer_figures(compare_peers(repeats, scale))
+    return peer_figures(compare_peers(repeats, scale, watch=watch))
 
 
 def peer_figures(results: list[PeerResult]) -> list[Figure]:
