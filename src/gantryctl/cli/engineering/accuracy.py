@@ -344,14 +344,17 @@ def speed_test(
     from gantryctl.engineering.accuracy.report.page import render_speed_test
     from gantryctl.engineering.accuracy.report.text import speed_lines
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
-    from gantryctl.engineering.accuracy.speed_test import speed_test_on
+    from gantryctl.engineering.accuracy.speed_test import speed_test_on, speed_test_s
 
     machine = machine_under_test(config_file, "speed-test")
     file = directory(out) / "report.html" if out is not None else None
     wanted = speeds_to_test(machine, speeds_deg_s)
     if machine.on_bus:
         moves = f"moves both ways through the travel at {', '.join(f'{speed:g}' for speed in wanted)} deg/s"
-        with bus_experiment(machine, moves, yes=yes, needs_torque=False) as run:
+        takes_s = speed_test_s(machine, wanted)
+        with bus_experiment(
+            machine, moves, takes_s=takes_s, yes=yes, quiet=as_json, needs_torque=False
+        ) as run:
             runs = speed_test_on(run, wanted)
     else:
         # From the compiled loop, in a second.

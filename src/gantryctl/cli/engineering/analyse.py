@@ -20,6 +20,7 @@ from gantryctl.cli.options import (
     print_json,
     write_json,
 )
+from gantryctl.cli.progress import metered
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import FINITE
 from gantryctl.extras import need
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 # Pictures and data go here when --plot names no folder.
 DEFAULT_OUT = Path("analysis")
+# Axis time of the three measurements on a bus, about: 525 s with hust_can.toml.
+_ON_BUS_S = 525.0
 
 
 @click.command()
@@ -92,7 +95,9 @@ def analyse(
     kind = PlantKind(plant) if plant else PlantKind.RIGID if machine.plant.switches.rigid else PlantKind.FULL
     result = study(machine, kind, Friction(friction))
     robust = robust_report(machine) if with_robust else None
-    measured = _measured(config_file, angle_deg, torque_nm, yes) if with_measured else []
+    measured = []
+    if with_measured:
+        measured = _measured(config_file, angle_deg, torque_nm, yes, quiet=as_json)
     folder = directory(out or DEFAULT_OUT) if plot or out is not None else None
     files = _plot(result, robust is not None, measured, folder) if plot and folder is not None else []
     data = _data(result, robust, measured) if as_json or folder is not None else {}
@@ -108,7 +113,7 @@ def analyse(
 
 
 def _measured(
-    config_file: Path | None, angle_deg: float, torque_nm: float | None, yes: bool
+    config_file: Path | None, angle_deg: float, torque_nm: float | None, yes: bool, *, quiet: bool
 ) -> list[MeasuredResponse]:
     from gantryctl.engineering.analysis.measured.response import (
         conditions,
@@ -130,14 +135,21 @@ def _measured(
     # Every condition is checked before the first one is measured, which takes a minute.
     starts = [starts_at_deg(machine, how) for how in chosen]
     if not machine.on_bus:
-        return [measure_simulated(machine, how) for how in chosen]
+        measured = []
+        with metered(len(chosen), quiet=quiet) as meter:
+            for how in chosen:
+                measured.append(measure_simulated(machine, how))
+                meter.advance(1.0)
+        return measured
     largest_nm = max(how.torque_nm for how in chosen)
     begin, end = (machine.axis.dial.text(at, ".1f") for at in (min(starts), 2.0 * angle_deg - min(starts)))
     moves = (
         f"moves to {begin} deg, stands and turns slowly to {end} deg for 8 minutes, with a test signal of "
         f"+-{largest_nm:.1f} N m on its speed command"
     )
-    with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
+    with bus_experiment(
+        machine, moves, takes_s=_ON_BUS_S, yes=yes, quiet=quiet, controlled_as=quiet_machine(machine)
+    ) as run:
         return [measure_on(machine, run, how) for how in chosen]
 
 

@@ -11,6 +11,7 @@ import click
 
 from gantryctl.cli.engineering.at_the_load import BY_HAND, LOAD_ENCODER, SIMULATED, open_instrument
 from gantryctl.cli.options import confirm, stop_signals
+from gantryctl.cli.progress import metered
 from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
@@ -97,7 +98,9 @@ def bus_experiment(
     machine: Machine,
     moves: str,
     *,
+    takes_s: float,
     yes: bool,
+    quiet: bool,
     controlled_as: Machine | None = None,
     needs_torque: bool = True,
 ) -> Iterator[AxisRun]:
@@ -105,6 +108,7 @@ def bus_experiment(
 
     Args:
         moves: what will move, for the question.
+        takes_s: axis time that it takes, about, for the progress. quiet: show none.
     """
     from gantryctl.engineering.analysis.measured.on_engine import experiment
     from gantryctl.operation.client import Stop
@@ -116,7 +120,8 @@ def bus_experiment(
         def stop() -> None:
             run.stop = Stop(min(run.stop + 1, Stop.QUICK))
 
-        with stop_signals(stop):
+        with stop_signals(stop), metered(takes_s, quiet=quiet) as meter:
+            run.observe(meter.observer())
             yield run
 
 

@@ -113,7 +113,15 @@ def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet:
     low, high = reach_deg(machine)
     minutes, fastest = experiment_of(machine).minutes, machine.speed.setting_max_deg_s
     moves = f"moves for {minutes:.0f} minutes between {low:g} and {high:g} deg, at up to {fastest:g} deg/s"
-    with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
+    # It says in lines what it does: those are progress enough, and a log keeps them.
+    with bus_experiment(
+        machine,
+        moves,
+        takes_s=60.0 * minutes,
+        yes=yes,
+        quiet=True,
+        controlled_as=quiet_machine(machine),
+    ) as run:
         seeing = instrument_at(instrument, run, seed)
         progress = None if quiet else lambda what: click.echo(what, err=True)
         return record(EngineAxis(machine, run, seeing, progress))

@@ -21,6 +21,7 @@ from gantryctl.cli.options import (
     write_json,
     write_text,
 )
+from gantryctl.cli.progress import metered
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import check_lasting
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 DEFAULT_OUT = Path("tuning")
 # A whole machine file: --config takes it as it is.
 PROPOSAL = "proposal.toml"
+# Axis time of either half on a bus, about: 244 s with hust_can.toml.
+_ON_BUS_S = 250.0
 # What waits for its second half, on a bus.
 SESSION = "on_bus.json"
 
@@ -105,7 +108,15 @@ def tune(
     if machine.on_bus:
         folder = directory(out or DEFAULT_OUT)
         return _tune_on_bus(machine, config_file, conditions, folder, again=again, yes=yes, as_json=as_json)
-    result = run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
+    with metered(1.0, quiet=as_json) as meter:
+        result = run(
+            machine,
+            method,
+            as_paper=plant == "paper-drive",
+            criteria=criteria,
+            conditions=conditions,
+            watch=meter.reach,
+        )
     # Refused before anything is written.
     proposed_machine(result)
     files = _write(result, directory(out or DEFAULT_OUT), config_file, made)
@@ -144,7 +155,9 @@ def _tune_on_bus(
         f"moves to 60 deg, turns slowly to 105 deg and stands at 75 deg for 5 minutes, with test signals of up to "
         f"+-{0.15 * machine.motor.torque_rated_nm:.0f} N m on its speed command"
     )
-    with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
+    with bus_experiment(
+        machine, moves, takes_s=_ON_BUS_S, yes=yes, quiet=as_json, controlled_as=quiet_machine(machine)
+    ) as run:
         session = (
             on_bus.begin(machine, run, conditions) if waiting is None else on_bus.end(machine, run, waiting)
         )

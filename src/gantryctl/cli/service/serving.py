@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import click
 
+from gantryctl.cli.progress import metered
 from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine_path, short_hash
 from gantryctl.operation.store import StateStore, state_root
@@ -58,7 +59,8 @@ def run_service(
     # Before anything is started, and all of them: a person sees every fault in one go.
     tls_key = None if page is None or page.key is None else page.key.resolve()
     secrets = private_files(root, store.directory, tls_key)
-    checks = self_test(machine, store, root, keeping.checked(), secrets)
+    with metered(1.0) as meter:
+        checks = self_test(machine, store, root, keeping.checked(), secrets, meter.reach)
     for check in checks:
         if not check.ok:
             click.echo(f"warning: {check.name}: {check.text}", err=True)

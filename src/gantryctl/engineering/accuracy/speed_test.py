@@ -121,6 +121,17 @@ def speed_test_on(run: AxisRun, speeds_deg_s: Sequence[float] = ()) -> list[Spee
     return runs
 
 
+def speed_test_s(machine: Machine, speeds_deg_s: Sequence[float]) -> float:
+    """Axis time that the test on a machine under power takes, about, s: each speed both ways, and the way there."""
+    seconds = 0.0
+    for speed in speeds_deg_s:
+        low, high = _move(machine, speed)
+        ramp_s = speed / machine.virtual_axis.acc_deg_s2
+        seconds += 2.0 * (REST_S + (high - low) / speed + ramp_s + SETTLE_S)
+        seconds += (high - low) / machine.speed.setting_max_deg_s + SETTLE_S
+    return seconds
+
+
 def _by_ring(machine: Machine, trace: Trace, period_s: float) -> FloatArray | None:
     """Speed of the ring against its base, deg/s: by differences over 40 ms; None without an encoder that shows it.
 

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
-Watch: TypeAlias = Callable[[float], None]
-"""Is told which part of a work is done, 0 to 1, as it goes on."""
-
-
-def nobody(part: float) -> None:
-    """Watch nothing."""
+from gantryctl.engineering.report.meter import Watch, nobody
 
 
 class Figure(NamedTuple):

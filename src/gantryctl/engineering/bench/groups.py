@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Final
 
 from gantryctl.engineering.bench import jobs
-from gantryctl.engineering.bench.figures import Figure, Watch, medians, nobody
+from gantryctl.engineering.bench.figures import Figure, medians
 from gantryctl.engineering.bench.peers.compare import peers
 from gantryctl.engineering.computer.scan_trial import scan_trial
+from gantryctl.engineering.report.meter import Watch, nobody
 
 _RATE: Final = "axis s/s"
 # Part of the time of the batch that its turns take, about; the chord tests take the rest.

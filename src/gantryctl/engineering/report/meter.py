@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeAlias
 
 from gantryctl.engineering.report.text import duration
 from gantryctl.operation.client import Snapshot
+
+Watch: TypeAlias = Callable[[float], None]
+"""Is told which part of a work is done, 0 to 1, as it goes on."""
 
 # What takes less shows no progress.
 FIRST_S: Final = 2.0
@@ -15,6 +18,10 @@ FIRST_S: Final = 2.0
 _LINES: Final = 15.0
 # What takes longer than was expected is nearly done, and never done.
 _MOST: Final = 0.98
+
+
+def nobody(part: float) -> None:
+    """Watch nothing."""
 
 
 class Meter:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from gantryctl.engineering.analysis.models.robust import uncertain_plants
+from gantryctl.engineering.report.meter import Watch, nobody
 from gantryctl.engineering.tuning.bench import Bench, TrialMove, bench_of_paper
 from gantryctl.engineering.tuning.by_margins import STATED, Conditions, Designed, by_margins
 from gantryctl.engineering.tuning.gains import PAPER, POOR, Gains, configured, poor
@@ -17,6 +18,8 @@ TRIALS_METHOD, MARGINS_METHOD = "trials", "margins"
 # Difference to the paper's gains that counts as the same.
 # Reached by a procedure that was fitted with the paper's gains in sight; no independent confirmation.
 WITHIN: Final = 0.2
+# Part of the time that the search for gains takes, about, before the candidates are judged: 2 of 3 s.
+_SEARCH: Final = 0.65
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ def tune(
     start: Gains | None = None,
     criteria: Criteria = QUARTERS,
     conditions: Conditions = STATED,
+    watch: Watch = nobody,
 ) -> Tuning:
     """Tune the axis of a machine file.
 
@@ -74,6 +78,7 @@ def tune(
         as_paper: on the axis that the paper's drive saw, `bench_of_paper`.
         start, criteria: of the paper's procedure; poor gains for this axis when no start is given.
         conditions: of the method by margins.
+        watch: is told the part that is done, about.
 
     Raises:
         UsageError: the axis does not bear the start, or no gains meet the conditions.
@@ -83,13 +88,22 @@ def tune(
     plants = uncertain_plants(linear)
     known = is_reference_machine(machine)
     begin = start or (POOR if known else poor(bench.fast_inertia_kg_m2, machine.virtual_axis.acc_deg_s2))
-    tuned = paper_procedure(bench, begin, criteria) if method == TRIALS_METHOD else None
-    designed = None if tuned else by_margins(linear, conditions, plants)
+
+    def searched(part: float) -> None:
+        watch(_SEARCH * part)
+
+    tuned = paper_procedure(bench, begin, criteria, searched) if method == TRIALS_METHOD else None
+    designed = None if tuned else by_margins(linear, conditions, plants, watch=searched)
     found = tuned or designed
     assert found is not None
+    judged = 0
 
     def candidate(name: str, gains: Gains) -> Candidate:
-        return Candidate(name, gains, bench.move(gains), judge_gains(linear, gains, plants))
+        nonlocal judged
+        made = Candidate(name, gains, bench.move(gains), judge_gains(linear, gains, plants))
+        judged += 1
+        watch(_SEARCH + (1.0 - _SEARCH) * judged / (3 if known else 2))
+        return made
 
     present = configured(machine)
     # The acceleration is the user's: the paper's gains are compared at the same one.

@@ -7,6 +7,7 @@ import hashlib
 import marshal
 import struct
 from base64 import urlsafe_b64encode
+from collections.abc import Callable
 from importlib.machinery import all_suffixes
 from importlib.metadata import Distribution
 from importlib.util import MAGIC_NUMBER, cache_from_source
@@ -31,8 +32,10 @@ class InstalledFiles(NamedTuple):
     changed: tuple[str, ...]
 
 
-def check_installed(installed: Distribution, package: Path) -> InstalledFiles | None:
-    """Compare the files of a distribution with its RECORD.
+def check_installed(
+    installed: Distribution, package: Path, watch: Callable[[float], None] = lambda part: None
+) -> InstalledFiles | None:
+    """Compare the files of a distribution with its RECORD; `watch` is told the part that is done, 0 to 1.
 
     None when there is nothing to compare with: `package`, the folder that runs, is no part of it (sources, or an
     editable install), or it has no RECORD.
@@ -51,7 +54,9 @@ def check_installed(installed: Distribution, package: Path) -> InstalledFiles | 
     hashed = {name: digest for name, digest in recorded.items() if digest}
     changed = {name for name, digest in hashed.items() if _digest(root / name) != digest}
     # Python runs the compiled copy of a source, and RECORD has no hash of it.
-    for name in hashed.keys() - changed:
+    alike = hashed.keys() - changed
+    for number, name in enumerate(alike, 1):
+        watch(number / len(alike))
         if name.endswith(".py") and name.startswith(f"{package.name}/"):
             copy = Path(cache_from_source(str(root / name)))
             if not _compiled_from(root / name, copy):

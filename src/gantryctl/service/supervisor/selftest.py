@@ -41,11 +41,21 @@ class Check(NamedTuple):
 
 
 def self_test(
-    machine: Machine, store: StateStore, root: Path, policy: RetentionPolicy, secrets: Sequence[Path]
+    machine: Machine,
+    store: StateStore,
+    root: Path,
+    policy: RetentionPolicy,
+    secrets: Sequence[Path],
+    watch: Callable[[float], None] = lambda part: None,
 ) -> list[Check]:
-    """Run all checks, also after a failed one; `secrets` are the files that nobody else may read."""
+    """Run all checks, also after a failed one.
+
+    Args:
+        secrets: the files that nobody else may read.
+        watch: is told the part of the installed files that is checked, 0 to 1: they take most of the time.
+    """
     checks: dict[str, Callable[[], tuple[bool, str]]] = {
-        "installed files": _installed,
+        "installed files": partial(_installed, watch),
         "shared memory": _memory,
         "clock": _clock,
         "state": partial(_state, machine, store),
@@ -66,9 +76,9 @@ def self_test(
     return found
 
 
-def _installed() -> tuple[bool, str]:
+def _installed(watch: Callable[[float], None]) -> tuple[bool, str]:
     """Compare the program's files with what was installed: 0.8 to 1 s of a processor, here and at no other command."""
-    found = check_installed(distribution("gantryctl"), Path(gantryctl.__file__).parent)
+    found = check_installed(distribution("gantryctl"), Path(gantryctl.__file__).parent, watch)
     if found is None:
         return True, "sources or an editable install: nothing to compare with"
     if found.changed:

@@ -1,6 +1,7 @@
 """`gantryctl tune`: what it prints and writes; the proposal is a machine file, never the one in use."""
 
 import json
+from itertools import pairwise
 
 import pytest
 from click.testing import CliRunner
@@ -51,6 +52,15 @@ def test_the_paper_s_procedure_in_words(ready, tmp_path):
     assert "too much" in words
     assert "proposal: UNSTABLE on" in words
     assert {path.name for path in tmp_path.iterdir()} == WRITTEN
+
+
+@pytest.mark.parametrize("method", ["trials", "margins"])
+def test_a_person_is_told_how_far_it_has_got(ready, parts, method):
+    told = parts[method]
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    # Often enough for a line every two seconds on a computer ten times slower.
+    assert max(after - before for before, after in pairwise(told)) < 0.3
 
 
 def test_by_margins_with_a_report(ready, tmp_path):

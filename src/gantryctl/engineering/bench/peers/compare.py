@@ -10,10 +10,11 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from gantryctl import _core
-from gantryctl.engineering.bench.figures import Figure, Watch, medians, nobody
+from gantryctl.engineering.bench.figures import Figure, medians
 from gantryctl.engineering.bench.peers.building import compiler_version
 from gantryctl.engineering.bench.peers.table import OWN, PEERS, Peer
 from gantryctl.engineering.bench.rigid import TOLERANCE_DEG, Run, deviation_deg, reference, same_job
+from gantryctl.engineering.report.meter import Watch, nobody
 from gantryctl.errors import GantryctlError
 
 
