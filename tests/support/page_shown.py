@@ -82,10 +82,14 @@ class Shown:
 
     Args:
         built: the folder of the built page.
+
+    Attributes:
+        answers: by path, `api/v1/tags`; every other one gets an empty list.
     """
 
     def __init__(self, browser: Browser, built: Path = BUILT) -> None:
         self._built = built
+        self.answers: dict[str, Any] = {}
         self.context = browser.new_context(locale="en-GB", has_touch=True)
         self.context.route("**/*", self._answer)
         fake = _FAKE.replace("TAGS", json.dumps(AT_REST)).replace("WELCOME", json.dumps(_WELCOME))
@@ -98,6 +102,8 @@ class Shown:
         file = self._built / path
         if path == "api/v1/session":
             route.fulfill(json=_SESSION)
+        elif path in self.answers:
+            route.fulfill(json=self.answers[path])
         elif file.is_file():
             route.fulfill(body=file.read_bytes(), content_type=_KINDS[file.suffix])
         else:

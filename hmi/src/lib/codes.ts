@@ -450,6 +450,7 @@ export const WORDS: Record<string, string> = {
   TOO_MANY_COMMANDS: "一秒内超过 {limit:g} 条命令",
   TOO_MANY_REQUESTS: "请求过多",
   TOO_MANY_SCOPES: "所有示波器合计每秒只得到 {limit:g} 次应答：请关闭别处的一个",
+  NO_RECORDING: "{name}：已损坏或读取时间过长：`gantryctl trace show` 会说明",
   TOO_MANY_CONNECTIONS: "连接过多",
   NO_COMMANDS_NOW: "控制器现在不接受命令",
   NO_JOURNAL: "日志现在无法保存事件：不能启动新运动",

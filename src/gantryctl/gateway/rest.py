@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 from collections.abc import Awaitable, Callable, Iterable
 from typing import Any, Final
 
@@ -20,7 +21,7 @@ from gantryctl.gateway.access import Access, person
 from gantryctl.gateway.guard import error
 from gantryctl.gateway.routes import API, NUMBER_MAX, ROUTES, openapi
 from gantryctl.gateway.settings import BODY_MAX
-from gantryctl.gateway.traces import Traces
+from gantryctl.gateway.traces import Recorded, Traces
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
@@ -39,6 +40,8 @@ JOURNAL_MAX: Final = 10_000
 NOTES_MAX: Final = 50
 NOTES_PER_S: Final = 4.0
 _JOURNAL_QUERY: Final = (("from", 0), ("limit", 1000))
+# ms from the first row.
+_COLUMNS_QUERY: Final = (("from", 0), ("to", NUMBER_MAX))
 _SAMPLES_QUERY: Final = (("from", NUMBER_MAX), ("limit", ROWS_MAX))
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -52,6 +55,7 @@ class Rest:
         self._notes_asked = RateLimiter(NOTES_PER_S, now=hub.now)
         self._directory = access.settings.directory
         self._files = Traces(self._directory / "traces")
+        self._recorded = Recorded()
         self._described = openapi()
 
     def routes(self) -> list[Route]:
@@ -122,6 +126,25 @@ class Rest:
         self._log(request, f"recording {name} was read")
         headers = {"content-length": str(size), "content-disposition": f'attachment; filename="{name}"'}
         return StreamingResponse(content, 200, headers, media_type="application/vnd.apache.parquet")
+
+    async def _columns(self, request: Request) -> Response:
+        asked = _numbers(request, _COLUMNS_QUERY)
+        if isinstance(asked, Response):
+            return asked
+        found = await asyncio.to_thread(self._files.handle, request.path_params["id"])
+        if found is None:
+            return error(404, refusal(Code.SEC_12))
+        name, _, handle = found
+        try:
+            if self._recorded.busy:
+                return error(429, refusal(Code.SEC_06, reason=Words.TOO_MANY_REQUESTS), retry_after="1")
+            answer = await self._recorded.columns(handle, name, *asked)
+        finally:
+            os.close(handle)
+        if answer is None:
+            return error(422, refusal(Code.SEC_05, reason=Words.NO_RECORDING(name=name)))
+        self._log(request, f"recording {name} was read")
+        return Response(answer, media_type="application/json")
 
     async def _samples(self, request: Request) -> Response:
         asked = _numbers(request, _SAMPLES_QUERY)

@@ -90,6 +90,12 @@ ROUTES: Final = (
         {200: "the file", 404: "no such recording", **_LOG_IN}, media="application/vnd.apache.parquet",
     ),
     RouteEntry(
+        "GET", "/traces/{id}/columns", "columns", Action.TRACES,
+        "Columns of a recording from `from` to `to` ms after its first row, thinned for a picture.",
+        {200: "curves", 400: "not understood", 404: "no such recording", 422: "it cannot be read", **_LOG_IN},
+        ("from", "to"), schema=refer("Columns"),
+    ),
+    RouteEntry(
         "GET", "/journal", "journal", Action.JOURNAL, "Events after number `from` as JSON lines.",
         {200: "events", 400: "not understood", 503: "the journal cannot be read", **_LOG_IN}, ("from", "limit"),
         media="application/jsonl", schema=_LINES,

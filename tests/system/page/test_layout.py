@@ -5,6 +5,7 @@ What it shows is the longest that there is: it is the words and numbers that ove
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,12 +13,13 @@ import pytest
 from playwright.sync_api import Playwright, expect
 
 from gantryctl.program import ALARMS
+from gantryctl.service.protocol.tags import TAGS
 from support.browser import CHROMIUM, FLAGS
 from support.page_geometry import faults_of_layout, grey_without_reason, heavy_findings
 from support.page_shown import IN_CONTROL, Shown
 
 pytestmark = pytest.mark.timeout(300)
-AREAS = ("display", "operation", "settings", "alarms", "diagnosis")
+AREAS = ("display", "operation", "settings", "alarms", "diagnosis", "scope")
 SIZES = ((360, 640), (640, 360), (768, 1024), (1024, 768), (1280, 800), (1920, 1080))
 
 _LONGEST_TITLES = sorted(ALARMS.values(), key=lambda each: len(each.english.title))[-4:]
@@ -54,11 +56,51 @@ READY: dict[str, Any] = {
 """All that the keys need."""
 
 
+# Eight curves of the longest names, with a mark; the same laid over it.
+_LONGEST_NAMES = sorted((tag for tag in TAGS if tag.kind == "float"), key=lambda tag: len(tag.name))[-8:]
+CAPTURE = {
+    "format": "gantryctl scope", "version": 1, "title": "service-000012-20261122T151537123.parquet",
+    "machine": "hust_gantry", "utc_s": 1795385708.0, "marks": [{"x": 0.5, "label": "CTL-03"}],
+    "channels": [
+        {"name": tag.name, "unit": tag.unit, "steps": False, "labels": [], "begin": None, "periods_s": [0.004, 0.12],
+         "x": [-1.0, 0.0, 1.0], "y": [-179.985, 20.0, 40.0]}
+        for tag in _LONGEST_NAMES
+    ],
+}  # fmt: skip
+RECORDED = {
+    "name": CAPTURE["title"], "machine": "hust_gantry", "utc_s": 1795385708.0, "end_s": 86399.9,
+    "columns": [{"name": tag.name, "unit": tag.unit, "x": [0.0, 1.0], "y": [0.0, None]} for tag in _LONGEST_NAMES],
+}  # fmt: skip
+SCOPE_ANSWERS = {
+    "api/v1/tags": [
+        {"name": tag.name, "unit": tag.unit, "type": tag.kind, "labels": list(tag.labels)} for tag in TAGS
+    ],
+    "api/v1/traces": [{"id": "a", "name": CAPTURE["title"], "size": 1, "modified": ""}],
+    "api/v1/traces/a/columns": RECORDED,
+}
+
+
 @pytest.fixture(scope="module")
 def shown(playwright: Playwright) -> Iterator[Shown]:
     browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
     yield Shown(browser)
     browser.close()
+
+
+def fill_scope(shown: Shown) -> None:
+    """Whatever the scope can show at once: curves, others over them, a log, cursors, the recordings."""
+    page = shown.page
+    for label, name, text in (
+        (0, "one.json", json.dumps(CAPTURE)),
+        (1, "another_of_a_long_name.json", json.dumps(CAPTURE)),
+        (2, "bus.log", "(1795385708.250000) can0 181#37060000\n"),
+    ):
+        file = {"name": name, "mimeType": "text/plain", "buffer": text.encode()}
+        page.locator(".scope input[type=file]").nth(label).set_input_files(file)  # type: ignore[arg-type]
+    page.locator("[data-testid=log]").wait_for()
+    recordings = page.locator(".scope section").last
+    recordings.locator("[data-recordings] button").first.click()
+    recordings.locator("[data-recordings] select").select_option("a")
 
 
 def faults(shown: Shown) -> list[str]:
@@ -76,9 +118,12 @@ def assert_stop_reached(shown: Shown) -> None:
 
 
 def test_nothing_overlaps_and_stop_is_reached_in_every_window(shown: Shown) -> None:
+    shown.answers = SCOPE_ANSWERS
     shown.show(CROWDED)
     for area in AREAS:
         shown.go(area)
+        if area == "scope":
+            fill_scope(shown)
         for size in SIZES if area == "display" else (SIZES[0], SIZES[3]):
             shown.resize(*size)
             assert faults(shown) == [], (area, size)
@@ -93,9 +138,13 @@ def test_nothing_overlaps_and_stop_is_reached_in_every_window(shown: Shown) -> N
 def test_every_area_in_every_window_language_and_theme(shown: Shown, language: str, theme: str) -> None:
     """With axe-core, of which nothing serious or critical is accepted."""
     for tags in (CROWDED, READY):
+        shown.answers = SCOPE_ANSWERS
         shown.show(tags, language, theme)
         for area in AREAS:
             shown.go(area)
+            # Empty with one set of tags, full with the other.
+            if area == "scope" and tags is CROWDED:
+                fill_scope(shown)
             for size in SIZES:
                 shown.resize(*size)
                 assert faults(shown) == [], (area, size)

@@ -702,6 +702,10 @@ class Words(Enum):
         "all scopes together get {limit:g} answers a second: close one elsewhere",
         "所有示波器合计每秒只得到 {limit} 次应答：请关闭别处的一个",
     )
+    NO_RECORDING = (
+        "{name}: is damaged, or takes too long to read: `gantryctl trace show` says which",
+        "{name}：已损坏或读取时间过长：`gantryctl trace show` 会说明",
+    )
     TOO_MANY_CONNECTIONS = "too many connections", "连接过多"
     NO_COMMANDS_NOW = "the controller takes no commands now", "控制器现在不接受命令"
     NO_JOURNAL = (

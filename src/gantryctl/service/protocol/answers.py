@@ -200,6 +200,32 @@ SCHEMAS: Final[dict[str, Schema]] = {
     ),
     "Alarms": exactly({"active": list_of("AlarmRow"), "history": list_of("AlarmRow")}),
     "Recording": exactly({"id": _TEXT, "name": _TEXT, "size": _COUNT, "modified": _TEXT}),
+    "Columns": exactly(
+        {
+            "name": _TEXT,
+            "machine": _TEXT,
+            "utc_s": {
+                "type": ["number", "null"],
+                "description": "wall clock at the first row, s since 1970; null where the name has no date",
+            },
+            "end_s": {"type": "number", "description": "time of the last row, from the first"},
+            "columns": {
+                "type": "array",
+                "items": exactly(
+                    {
+                        "name": {**_TEXT, "description": "that of the tag where there is one"},
+                        "unit": _TEXT,
+                        "x": {
+                            "type": "array",
+                            "items": {"type": "number"},
+                            "description": "s from the first row",
+                        },
+                        "y": {"type": "array", "items": {"type": ["number", "null"]}},
+                    }
+                ),
+            },
+        }
+    ),
     "Event": _EVENT,
     "Note": exactly(
         {
