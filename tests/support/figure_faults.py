@@ -1,4 +1,4 @@
-"""What is wrong with a figure, by what its renderer says: curves outside, empty axes, text over text."""
+"""What is wrong with a figure, by what its renderer says: curves outside, empty axes, text over text or a curve."""
 
 from __future__ import annotations
 
@@ -33,6 +33,9 @@ def faults_of(figure: Figure) -> list[str]:
     for axes in figure.axes:
         if axes.get_visible() and axes.axison:
             found += [f"{_name(axes)}: {fault}" for fault in _faults_of_axes(axes)]
+            found += [
+                f"{_name(axes)}: {fault}" for fault in _faults_of_legend(figure, axes, canvas.get_renderer())
+            ]
     return found + _faults_of_text(figure, canvas.get_renderer())
 
 
@@ -64,6 +67,35 @@ def _faults_of_axes(axes: Axes) -> Iterator[str]:
         # A constant has no extent: it lies in the middle.
         if values.max() - values.min() > 1e-9 * max(1e-9, np.abs(values).max()) and covered < low_part:
             yield f"data cover {100.0 * covered:.0f} % of the {way}, less than {100.0 * low_part:.0f} %"
+
+
+def _faults_of_legend(figure: Figure, axes: Axes, renderer: Any) -> Iterator[str]:
+    """A legend, of these axes or of the figure, over one of their curves, markers, bars or filled areas."""
+    for legend in (*figure.legends, axes.get_legend()):
+        if legend is None or not legend.get_visible():
+            continue
+        box = legend.get_window_extent(renderer)
+        # A curve that leaves its axes is cut off there.
+        box = Bbox.intersection(box, axes.bbox)
+        if box is None or min(box.width, box.height) < TOUCH_PX:
+            continue
+        for line in axes.lines:
+            path = line.get_transform().transform_path(line.get_path())
+            marked = line.get_marker() not in {"None", "none", "", " ", None}
+            if marked and box.count_contains(path.vertices):
+                yield f"the legend covers markers of {line.get_label()!r}"
+            elif line.get_linestyle() != "None" and path.intersects_bbox(box, filled=False):
+                yield f"the legend covers {line.get_label()!r}"
+        for patch in axes.patches:
+            path = patch.get_transform().transform_path(patch.get_path())
+            if patch.get_visible() and path.intersects_bbox(box, filled=True):
+                yield f"the legend covers {patch.get_label()!r}"
+        for collection in axes.collections:
+            offsets = collection.get_offset_transform().transform(np.asarray(collection.get_offsets()))
+            marked = len(offsets) > 0 and box.count_contains(offsets) > 0
+            paths = [collection.get_transform().transform_path(path) for path in collection.get_paths()]
+            if marked or any(path.intersects_bbox(box, filled=True) for path in paths):
+                yield f"the legend covers {collection.get_label()!r}"
 
 
 def _data_of(axes: Axes) -> Any:

@@ -237,7 +237,13 @@ def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
     if low == high:
         axes.set_ylim(low - 0.5, high + 0.5)
     if len(panel.lines) > 1:
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(panel.lines), borderaxespad=0.1)
+        legend_above(axes)
+
+
+def legend_above(axes: Axes) -> None:
+    """Name the curves of axes above them, at the right: panels below one another, each with curves of its own."""
+    count = len(axes.get_legend_handles_labels()[1])
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=count, borderaxespad=0.1)
 
 
 class Picture:

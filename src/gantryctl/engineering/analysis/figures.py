@@ -26,7 +26,7 @@ from gantryctl.engineering.analysis.models.robust import (
 from gantryctl.engineering.analysis.models.sampled import Cut
 from gantryctl.engineering.analysis.study import Study, grid_of
 from gantryctl.engineering.analysis.text import study_name
-from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, png_figure
+from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, legend_below, png_figure
 from gantryctl.machine import Machine
 from gantryctl.units import deg, rad
 
@@ -47,6 +47,9 @@ _QUARTER_DEG: Final = 90.0
 _NYQUIST_RIGHT: Final = 1.4
 _NYQUIST_HALF: Final = 1.5
 _NYQUIST_SHAPE: Final = 0.25
+# A crossing of the real axis further out lies outside the window, where the unit circle would be a dot otherwise: at
+# this one it still has two fifths of the height.
+_NYQUIST_LEFT: Final = -8.0
 STEP_DEG: Final = 0.01
 _SWING_S: Final = 4.0
 _SHORT_S: Final = 0.5
@@ -72,7 +75,7 @@ def bode(study: Study, folder: Path) -> Path:
         bottom.set(ylabel="phase of L in deg", xlabel="frequency in Hz")
         bottom.yaxis.set_major_locator(MultipleLocator(_QUARTER_DEG))
         bottom.set_xlim(_LOWEST_HZ, 0.5 / study.settings.cycle_s)
-        top.legend(loc="upper right")
+        legend_below(top.figure, top)
     return path
 
 
@@ -116,11 +119,15 @@ def nyquist(study: Study, folder: Path) -> Path:
             # The circle of the sensitivity lies around -1.
             left = min(-1.6, -1.05 - 1.0 / peak)
             if figures.gain_down is not None:
-                words += f"\nunstable below {figures.gain_down:.2f} of the gain (square)"
-                left = min(left, -1.2 / figures.gain_down)
-                axis.plot([-1.0 / figures.gain_down], [0.0], "s", color=RED, markersize=5)
+                crossing = -1.0 / figures.gain_down
+                seen = 1.2 * crossing >= _NYQUIST_LEFT
+                words += f"\nunstable below {figures.gain_down:.2f} of the gain "
+                words += "(square)" if seen else f"(crossing at {crossing:.0f})".replace("-", "−")
+                if seen:
+                    left = min(left, 1.2 * crossing)
+                    axis.plot([crossing], [0.0], "s", color=RED, markersize=5)
             axis.set_title(words, fontweight="normal", fontsize=8.5)
-            # Conditional stability crosses the axis left of -1: the window reaches as far, and its height with it.
+            # Conditional stability crosses the axis left of -1: the window reaches there, and its height with it.
             # The curve comes from infinity.
             half = max(_NYQUIST_HALF, (_NYQUIST_RIGHT - left) * _NYQUIST_SHAPE)
             within = (response.real >= left) & (response.real <= _NYQUIST_RIGHT)
@@ -163,11 +170,12 @@ def closed_loops(study: Study, folder: Path) -> Path:
             seen = (hz >= _LOWEST_HZ) & (hz <= highest_hz) & (level >= _LOWEST_DB)
             axis.semilogx(hz[seen], level[seen], color=colour, linestyle=line, label=label)
         axis.axhline(20.0 * math.log10(MINUS_3_DB), color=INK, linewidth=0.8, linestyle=":")
-        axis.text(0.105, -2.6, "−3 dB", fontsize=8, va="bottom")
+        beside = axis.get_yaxis_transform()
+        axis.text(1.005, 20.0 * math.log10(MINUS_3_DB), "−3 dB", transform=beside, fontsize=8, va="center")
         _mark_modes(study, axis)
         axis.set_xlim(_LOWEST_HZ, highest_hz)
         axis.set(xlabel="frequency in Hz", ylabel="magnitude in dB")
-        axis.legend(loc="upper right")
+        legend_below(axis.figure, axis)
     return path
 
 
@@ -177,20 +185,21 @@ def _open_loop(study: Study, cut: Cut) -> tuple[FloatArray, ComplexArray]:
 
 
 def _mark_modes(study: Study, *axes: Axes) -> None:
-    """Thin vertical lines at the motor-held modes, named on the first axis."""
-    for mode in study.modes:
+    """Thin vertical lines at the motor-held modes, named above the first axis: words inside lie over a curve."""
+    # Away from one another, however near the modes are.
+    sides = ("right", "left") if len(study.modes) > 1 else ("center",)
+    for mode, side in zip(study.modes, sides, strict=False):
         for axis in axes:
             axis.axvline(mode.held.hz, color=GREY, linewidth=0.8, linestyle=":")
         axes[0].text(
             mode.held.hz,
-            0.02,
-            f"{mode.name}, {mode.held.hz:.2f} Hz",
+            1.01,
+            f" {mode.name}, {mode.held.hz:.2f} Hz ",
             transform=axes[0].get_xaxis_transform(),
             fontsize=7.5,
             color=INK,
             va="bottom",
-            rotation=90.0,
-            ha="right",
+            ha=side,
         )
 
 
@@ -223,8 +232,8 @@ def time_responses(study: Study, folder: Path) -> Path:
             axis.axhline(0.0, color=INK, linewidth=0.7)
             axis.set_title(titles[reference])
             axis.set(ylabel="error in mdeg", xlim=(0.0, duration))
-        axes[0].legend(loc="upper right", ncols=3)
         axes[-1].set_xlabel("time in s")
+        legend_below(axes[0].figure, axes[0])
     return path
 
 
@@ -255,7 +264,7 @@ def damping_over_stiffness(machine: Machine, folder: Path) -> Path:
             axis.set_title(name)
             axis.set_xlabel("stiffness at the load in N m/rad")
         axes[0].set_ylabel("damping of the load mode in %\n(below 0 the swing grows)")
-        axes[1].legend(loc="best")
+        legend_below(axes[1].figure, axes[1])
     return path
 
 

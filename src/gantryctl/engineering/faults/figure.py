@@ -10,6 +10,7 @@ import numpy as np
 from gantryctl.engineering.faults.run import FaultResult
 from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
 from gantryctl.errors import DeviceError, UsageError
+from gantryctl.trace.figure import legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +79,7 @@ def draw_fault(result: FaultResult, title: str, path: Path) -> None:
         brake.step(time_s, log["brake_closed"][shown], color=INK, label="brake closed")
         brake.step(time_s, 0.9 * log["enabled"][shown], color=GREEN, label="drive enabled")
         brake.set_yticks([0, 1], ["no", "yes"])
-        brake.legend(loc="center right")
+        legend_above(brake)
         brake.set_xlabel("time after the fault in s")
         for axes in (angle, speed, torque, brake):
             axes.axvline(0.0, color=RED, lw=0.9)
@@ -100,7 +101,7 @@ def _lines(axes: Axes, time_s: Any, label: str, *, true: Any, load: Any, told: A
     axes.plot(time_s, true, color=BLUE, label="motor side, true")
     axes.plot(time_s, told, color=ORANGE, ls="--", label="told")
     axes.set_ylabel(label)
-    axes.legend(loc="best")
+    legend_above(axes)
 
 
 def _names(axes: Axes, result: FaultResult, end_s: float) -> None:

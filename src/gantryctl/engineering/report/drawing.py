@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.report.figures import GREEN, GREY, RED
+from gantryctl.engineering.report.figures import GREEN, GREY, RED, legend_below
 from gantryctl.engineering.report.pictures import Panel, Picture
-from gantryctl.engineering.report.svg import BLUE, ORANGE, legend_below, new_figure, styled
+from gantryctl.engineering.report.svg import BLUE, ORANGE, new_figure, styled
 from gantryctl.trace.figure import read_on
 from gantryctl.trace.thinning import drawn
 

@@ -1,4 +1,4 @@
-"""The look that all figures share, and figures as PNG files by matplotlib, without a window."""
+"""The look that all figures share, their legends, and figures as PNG files by matplotlib, without a window."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from gantryctl.errors import DeviceError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Okabe and Ito's colours: distinct with every kind of colour vision, and in grey print.
@@ -37,6 +38,21 @@ _PNG_STYLE: Final[dict[Any, Any]] = {
     "figure.constrained_layout.use": True,
 }
 _DPI: Final = 130
+
+
+def legend_below(figure: Figure, *axes: Axes) -> None:
+    """Name the curves of these axes below the figure, each name once, in as many columns as fit.
+
+    No legend lies inside axes: where a curve of one machine leaves room, that of another runs.
+    """
+    named: dict[str, Any] = {}
+    for each in axes:
+        for handle, label in zip(*each.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    # A letter of the legend is about 0.07 in wide, its line half an inch.
+    widest = 0.55 + 0.07 * max((len(label) for label in named), default=0)
+    columns = max(1, min(len(named), int(figure.get_figwidth() / widest)))
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=columns, handlelength=2.4)
 
 
 @contextmanager

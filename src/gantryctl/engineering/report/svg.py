@@ -12,7 +12,6 @@ from gantryctl.engineering.report.figures import INK
 from gantryctl.engineering.report.figures import STYLE as SHARED_STYLE
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WIDTH_IN = 8.6
@@ -63,15 +62,6 @@ def new_figure(height_in: float) -> Figure:
     from matplotlib.figure import Figure as NewFigure
 
     return NewFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
-
-
-def legend_below(figure: Figure, ax: Axes) -> None:
-    """Name the curves of one of the axes below the figure, in as many columns as fit."""
-    handles, labels = ax.get_legend_handles_labels()
-    # A letter of the legend is about 0.07 in wide, its line half an inch.
-    widest = 0.55 + 0.07 * max((len(label) for label in labels), default=0)
-    columns = max(1, min(len(labels), int(WIDTH_IN / widest)))
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, handlelength=2.4)
 
 
 def svg(figure: Figure, name: str) -> str:

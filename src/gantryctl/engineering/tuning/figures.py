@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 
 from gantryctl.engineering.analysis.figures import draw_damping
 from gantryctl.engineering.analysis.models.robust import running_damping, sketch_damping
-from gantryctl.engineering.report.figures import INK, RED
+from gantryctl.engineering.report.figures import INK, RED, legend_below
 from gantryctl.engineering.report.pictures import Panel, Picture, line
-from gantryctl.engineering.report.svg import BLUE, legend_below, new_figure, styled
+from gantryctl.engineering.report.svg import BLUE, new_figure, styled
 from gantryctl.engineering.tuning.gains import machine_with, settings_with
 from gantryctl.engineering.tuning.procedure import PHASES, Trial, Tuned
 from gantryctl.engineering.tuning.result import Candidate, Tuning
@@ -29,12 +29,13 @@ _STEP_S: Final = 2.0
 @styled
 def trials(tuned: Tuned) -> Figure:
     """What every trial measured, phase by phase."""
-    figure = new_figure(2.2 * 2)
+    figure = new_figure(2.2 * 2 + 0.3)
     grid = figure.subplots(2, 3)
     for axis, phase in zip(grid.flat, PHASES, strict=False):
         _phase(axis, tuned.phase(phase))
     for axis in grid.flat[len(PHASES) :]:
         axis.set_axis_off()
+    legend_below(figure, *grid.flat[: len(PHASES)])
     return figure
 
 
@@ -60,7 +61,6 @@ def _phase(axis: Axes, log: list[Trial]) -> None:
         title=f"{first.phase} = {kept[-1].value:.4g} {first.unit}", xlabel=f"{first.phase}, {first.unit}"
     )
     axis.set_ylabel(first.measured_unit)
-    axis.legend(loc="best")
 
 
 def steps(tuning: Tuning) -> Picture:

@@ -71,7 +71,7 @@ def test_speed_test(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     good(found, 2)
 
 
-# The dish is stable down to a tenth of its gain: a wide Nyquist diagram.
+# The dish is stable down to a tenth of its gain: a crossing outside of the Nyquist diagram.
 @pytest.mark.parametrize("name", ["rotary_table", "configs/azimuth_dish"])
 def test_analysis(machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with watched(monkeypatch) as found:
@@ -148,6 +148,11 @@ def test_a_good_figure_has_no_fault() -> None:
         (lambda axes: axes.set_xticks(range(11), ["ten degrees"] * 11), "'ten degrees' over 'ten degrees'"),
         (lambda axes: axes.text(5.0, 0.0, "here") and axes.text(5.0, 0.02, "there"), "'here' over 'there'"),
         (lambda axes: axes.figure.text(0.99, 0.5, "outside"), "'outside' leaves the figure"),
+        (lambda axes: axes.legend(loc="center"), "the legend covers 'one'"),
+        (
+            lambda axes: axes.figure.legend(*axes.get_legend_handles_labels(), loc="center left"),
+            "the legend covers",
+        ),
     ],
 )
 def test_a_planted_fault_is_found(change: Callable[[Axes], object], fault: str) -> None:

@@ -19,9 +19,9 @@ from gantryctl.engineering.accuracy.report.report import (
 )
 from gantryctl.engineering.accuracy.statistics import column_mean, column_std
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
-from gantryctl.engineering.report.figures import GREY, INK, RED
+from gantryctl.engineering.report.figures import GREY, INK, RED, legend_below
 from gantryctl.engineering.report.pictures import Panel, Picture, line
-from gantryctl.engineering.report.svg import BLUE, ORANGE, legend_below, new_figure, styled
+from gantryctl.engineering.report.svg import BLUE, ORANGE, new_figure, styled
 from gantryctl.units import Dial
 
 if TYPE_CHECKING:

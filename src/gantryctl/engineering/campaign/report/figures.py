@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.campaign.statistics import CURVE, Sensitivity
+from gantryctl.engineering.report.figures import legend_below
 from gantryctl.engineering.report.svg import BLUE, ORANGE, WIDTH_IN, styled
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def distribution(curves: Sequence[Curve], limits: Sequence[float], label: str) -
     axes.set_ylabel("plants at or below, %")
     axes.set_ylim(0.0, 100.0)
     if len(curves) > 1:
-        axes.legend(loc="lower right")
+        legend_below(figure, axes)
     return figure
 
 
@@ -138,5 +139,5 @@ def sensitivity(indices: Sequence[Sensitivity]) -> Figure:
         axes.hlines(place + shift, low, high, color="#20242b", linewidth=1.0)
     axes.set_yticks(place, [row.factor for row in rows])
     axes.set_xlabel("part of the variance")
-    axes.legend(loc="lower right")
+    legend_below(figure, axes)
     return figure
