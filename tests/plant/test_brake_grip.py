@@ -24,6 +24,9 @@ from gantryctl.units import rad
 from gantryctl.wiring.simulator import plant_params
 from plant.plant_rig import PlantRig
 from support.delivered_axes import CONFIGS, DRAFTS, axis_of
+from support.fault_rows import seen_by
+from support.oracle.limits import bounds_of
+from support.oracle.taps import Oracle
 
 SCANS_MS = (1.0, 2.0, 4.0, 10.0)
 STRONG = ("draft of gantry", "draft of crane_slew")
@@ -52,12 +55,16 @@ def gripping(share: float) -> FaultCase:
     ],
 )
 @pytest.mark.parametrize("part", [1.0, -1.0, pytest.param(0.5, marks=SLOW), pytest.param(-0.25, marks=SLOW)])
-def test_a_motor_that_turns_its_brake_is_taken_off_in_time(name: str, scan_ms: float, part: float) -> None:
+def test_a_motor_that_turns_its_brake_is_taken_off_in_time(
+    name: str, scan_ms: float, part: float, oracle: Oracle
+) -> None:
     """Both ways round, within the way permitted of the axis, on the true motor side."""
     machine = at_scan(name, scan_ms)
+    oracle.bounds = bounds_of(machine)
     speed = part * machine.speed.setting_max_deg_s
-    for number in ("C10", "C5"):
-        assert run_fault(fault_case(number), speed_deg_s=speed, machine=machine).faults == ()
+    for case in map(fault_case, ("C10", "C5")):
+        assert run_fault(case, speed_deg_s=speed, machine=machine).faults == ()
+        assert seen_by(oracle, case) == []
 
 
 @pytest.mark.parametrize("scan_ms", [pytest.param(1.0, marks=SLOW), 10.0])
