@@ -14,12 +14,12 @@ COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here;
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site soak
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site wasm soak
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the site, the Python tests: what CI runs"
 	@echo "make soak       hours of the real service with two pages, OPC UA and a stepped clock: HOURS=24, LOG=soak.jsonl"
-	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  site  dist  clean"
+	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  site  wasm  dist  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
 .venv/run.stamp: requirements/run.txt requirements/build.txt
@@ -53,7 +53,7 @@ test: setup lint types layers test-core page-check site pytest
 pytest: setup $(NODE_OPCUA)
 	.venv/bin/python -m pytest -n 3 --dist worksteal
 
-test-slow: setup $(NODE_OPCUA)
+test-slow: setup .venv/dist.stamp $(NODE_OPCUA) hmi/node_modules/.package-lock.json
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang
 	.venv/bin/python -m pytest -m slow --hypothesis-profile fresh
 	.venv/bin/python -m pytest tests/property tests/states --hypothesis-profile fresh --hypothesis-show-statistics
@@ -131,6 +131,11 @@ page-check: hmi/node_modules/.package-lock.json
 site: .venv/dev.stamp
 	.venv/bin/python tools/build_site.py
 
+# The core as WebAssembly with the script around it, in build/wasm: a site that is built then simulates in the browser.
+wasm: setup .venv/dist.stamp hmi/node_modules/.package-lock.json
+	.venv/bin/python tools/build_wasm.py
+	cd hmi && npm run --silent build-gains
+
 screenshots: setup
 	PYTHONPATH=tests .venv/bin/python tests/support/first_minutes.py docs/tutorials
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi
@@ -144,7 +149,7 @@ screenshots: setup
 # The first time takes long: Zig compiles its C++ library for each processor.
 PYTHONS ?= python3.11 python3.12 python3.13
 dist: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2> /dev/null || date +%s)
-dist: setup site .venv/dist.stamp
+dist: setup wasm site .venv/dist.stamp
 	rm -rf dist
 	.venv/bin/python -c "from scikit_build_core.build import build_sdist; build_sdist('dist')"
 	.venv/bin/python tools/wheels.py dist $(PYTHONS)

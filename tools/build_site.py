@@ -50,6 +50,7 @@ class Page(HTMLParser):
 def build(folder: Path, source: Path = ROOT) -> str:
     """Build the site of a repository unless it is newer than its sources; what Sphinx says against it, or ""."""
     made_of = [*source.glob("*.md"), *(source / "docs").rglob("*"), Path(__file__)]
+    made_of += (ROOT / "build" / "wasm").rglob("*.js")
     index = folder / "searchindex.js"
     if index.is_file() and index.stat().st_mtime > max(
         path.stat().st_mtime for path in made_of if path.is_file()

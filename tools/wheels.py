@@ -10,7 +10,6 @@ registry.
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import re
@@ -22,6 +21,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import kernel_symbols
+from zig import zig
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 WORK: Final = ROOT / "build" / "wheels"
@@ -171,15 +171,12 @@ def _wheel(builder: Path, version: str, target: Target, sources: Path, out: Path
 
 def _zig_tools(target: Target) -> Path:
     """Folder with a compiler and an archiver for a processor: CMake wants one word for each."""
-    found = importlib.util.find_spec("ziglang")
-    if found is None or found.origin is None:
-        raise SystemExit("ziglang is not installed: pip install --require-hashes -r requirements/dist.txt")
-    zig = Path(found.origin).parent / "zig"
+    program = zig()
     folder = WORK / f"zig-{target.name}"
     folder.mkdir(parents=True, exist_ok=True)
     for name, word in _ZIG_WORDS.items():
         words = f"{word} -target {target.zig}" if name == "c++" else word
-        (folder / name).write_text(f'#!/bin/sh\nexec "{zig}" {words} "$@"\n', encoding="utf-8")
+        (folder / name).write_text(f'#!/bin/sh\nexec "{program}" {words} "$@"\n', encoding="utf-8")
         (folder / name).chmod(0o755)
     return folder
 

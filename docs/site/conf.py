@@ -13,6 +13,7 @@ HERE: Final = Path(__file__).parent
 ROOT: Final = HERE.parents[1]
 sys.path.insert(0, str(HERE))
 
+import gains  # noqa: E402
 import navigation  # noqa: E402
 import sources  # noqa: E402
 import words  # noqa: E402
@@ -52,5 +53,6 @@ pygments_dark_style = "github-dark"
 def setup(app: Sphinx) -> None:
     """What Sphinx calls first."""
     navigation.connect(app)
+    gains.connect(app)
     sources.connect(app)
     app.add_search_language(words.SearchBoth)
