@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gantryctl.engineering.accuracy.gear import gear_study, worth_of_the_fit
 from gantryctl.engineering.accuracy.iso230 import IsoFigures, iso230_2
 from gantryctl.engineering.accuracy.noise import Distribution
 from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE
@@ -25,7 +26,7 @@ from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K, ChordUncertai
 from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, ChordFigures, Conformity, judge_chords
 from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_reaching, trapezoid_peak_speed
 from gantryctl.engineering.report.origin import Origin
-from gantryctl.machine import Requirement
+from gantryctl.machine import Requirement, default_machine
 from gantryctl.notebook import facts_html
 from gantryctl.units import SIGNED, Dial
 
@@ -140,6 +141,11 @@ class Beside(NamedTuple):
 
     name: str
     table: ErrorTable
+
+
+@cache
+def _worth_of_the_paper_fit() -> str:
+    return worth_of_the_fit(gear_study(PAPER_TABLE, default_machine()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,8 +302,8 @@ class AccuracyReport:
             return f"{ours}: another gear, another table; a comparison, not a criterion"
         return (
             f"{ours}: a comparison, not a criterion. The phases of the simulated gear errors (18) are fitted "
-            "to the paper's table (24 values), so closeness shows the fit, not the machine. What gears of "
-            "this grade give is the spread over random phases"
+            "to the paper's table (24 values), so closeness shows the fit, not the machine. "
+            f"{_worth_of_the_paper_fit()}. What gears of this grade give is the spread over random phases"
         )
 
     @property
