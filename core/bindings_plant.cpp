@@ -4,6 +4,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <stdexcept>
@@ -25,6 +26,17 @@ namespace {
 // Drive cycles in a time, to the nearest.
 int cycles(double time_s, double cycle_s) { return static_cast<int>(std::lround(time_s / cycle_s)); }
 
+void check_teeth(const Plant1& p) {
+  if (!p.tooth_pitch) return;
+  if (p.ring_teeth < 1 || p.ring_teeth > kRingTeethMax || p.pinion_teeth < 1 ||
+      p.pinion_teeth > kPinionTeethMax)
+    throw std::invalid_argument("single teeth: a ring of 1.." + std::to_string(kRingTeethMax) +
+                                " and a pinion of 1.." + std::to_string(kPinionTeethMax) + " teeth, got " +
+                                std::to_string(p.ring_teeth) + " and " + std::to_string(p.pinion_teeth));
+  if (!(p.contact_ratio > 1.0 && p.contact_ratio <= 2.0))
+    throw std::invalid_argument("contact_ratio must be above 1 and at most 2");
+}
+
 Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, const std::string& scheme,
              int rk4_steps) {
   if (scheme != "one_evaluation" && scheme != "rk4")
@@ -32,6 +44,7 @@ Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, con
   const int per_scan = cycles(scan_period_s, drive.cycle_s);
   if (per_scan < 1 || std::fabs(per_scan * drive.cycle_s - scan_period_s) > 1e-9)
     throw std::invalid_argument("the scan period must be a whole number of drive cycles");
+  check_teeth(plant);
   if (rk4_steps < 1) throw std::invalid_argument("rk4_steps must be at least 1");
   const auto native = scheme == "rk4" ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation;
   return {plant,
@@ -71,6 +84,11 @@ StateMap get_state(const Sim& sim) {
 #define X(name, meaning) m["drive_" #name] = sim.s.name;
   GANTRY_DRIVE_STATE(X)
 #undef X
+  // States of effects that are off do not exist.
+#define X(name, effect, meaning) \
+  if (sim.plant().p.effect) m[#name] = sim.x.name;
+  GANTRY_PLANT_EFFECT_STATE(X)
+#undef X
   m["brake_closed"] = sim.brake.closed ? 1.0 : 0.0;
   m["brake_countdown"] = sim.brake.countdown;
   m["report_torque_mesh"] = sim.report.torque_mesh;
@@ -101,6 +119,10 @@ void set_state(Sim& sim, const StateMap& m) {
 #undef X
 #define X(name, meaning) copy.s.name = value("drive_" #name);
   GANTRY_DRIVE_STATE(X)
+#undef X
+  // An effect that was off when the state was kept begins as its static start does not: with 0.
+#define X(name, effect, meaning) copy.x.name = m.count(#name) != 0 ? value(#name) : 0.0;
+  GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
   copy.brake.closed = value("brake_closed") != 0.0;
   const double countdown = value("brake_countdown");
@@ -135,6 +157,23 @@ std::vector<SampleRow> samples_taken(const Sim& sim) {
   return rows;
 }
 
+template <std::size_t N>
+std::vector<double> first(const std::array<double, N>& all, int count) {
+  return {all.begin(), all.begin() + std::clamp(count, 0, static_cast<int>(N))};
+}
+
+// Puts them at the beginning of `all`; returns how many they are.
+template <std::size_t N>
+int fill(std::array<double, N>& all, const std::vector<double>& given, const char* name) {
+  if (given.empty() || given.size() > N)
+    throw std::invalid_argument(std::string(name) + " needs 1.." + std::to_string(N) + " teeth, got " +
+                                std::to_string(given.size()));
+  for (double each : given) finite(each, name);
+  all = {};
+  std::copy(given.begin(), given.end(), all.begin());
+  return static_cast<int>(given.size());
+}
+
 void bind_params(nb::module_& m) {
   nb::class_<Plant1> plant(m, "PlantParams",
                            "Parameters of the plant, SI, at the gantry unless the name says motor.");
@@ -146,7 +185,21 @@ void bind_params(nb::module_& m) {
       .def_rw("phase_ring_rad", &Plant1::phase_ring_rad, "rad")
       .def_rw("wind_wave_nm", &Plant1::wind_wave_nm, "gusts of the wind: amplitudes, N m")
       .def_rw("wind_rate_rad_s", &Plant1::wind_rate_rad_s, "rad/s")
-      .def_rw("wind_phase_rad", &Plant1::wind_phase_rad, "rad");
+      .def_rw("wind_phase_rad", &Plant1::wind_phase_rad, "rad")
+      .def_prop_rw(
+          "ring_pitch_rad",
+          [](const Plant1& p) { return first(p.pitch.ring_rad, p.tooth_pitch ? p.ring_teeth : 0); },
+          [](Plant1& p, const std::vector<double>& given) {
+            p.ring_teeth = fill(p.pitch.ring_rad, given, "ring_pitch_rad");
+          },
+          "Deviation of each tooth of the ring, rad; their number becomes ring_teeth.")
+      .def_prop_rw(
+          "pinion_pitch_rad",
+          [](const Plant1& p) { return first(p.pitch.pinion_rad, p.tooth_pitch ? p.pinion_teeth : 0); },
+          [](Plant1& p, const std::vector<double>& given) {
+            p.pinion_teeth = fill(p.pitch.pinion_rad, given, "pinion_pitch_rad");
+          },
+          "Deviation of each tooth of the pinion, rad at the gantry; their number becomes pinion_teeth.");
 #define X(name, type, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
   GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -156,6 +209,7 @@ void bind_params(nb::module_& m) {
 #define X(name, value, meaning) drive.def_rw(#name, &Drive1::name, meaning);
   GANTRY_DRIVE_PARAMS(X)
 #undef X
+  drive.def_rw("encoder_errors", &Drive1::encoder_errors, "errors of the motor encoder present");
   drive.def_rw("delay_cycles", &Drive1::delay_cycles,
                "0 or 1: cycles between computing a torque and its effect");
 }
@@ -263,6 +317,22 @@ void bind_equations(nb::module_& m) {
         return Pair(e.error, e.slope);
       },
       nb::arg("plant"), nb::arg("pos_motor_rad"), "Gear error of reducer and pinion and its slope (S2).");
+  m.def(
+      "pitch_error",
+      [](const Plant1& p, double rho, double pos_motor) {
+        if (!p.tooth_pitch) throw std::invalid_argument("the plant has no single teeth: tooth_pitch is off");
+        check_teeth(p);
+        const auto ring = ring_pitch_error(p, rho), pinion = pinion_pitch_error(p, pos_motor);
+        return std::tuple(ring.error, ring.slope, ring.curvature, pinion.error, pinion.slope,
+                          pinion.curvature);
+      },
+      nb::arg("plant"), nb::arg("rho_rad"), nb::arg("pos_motor_rad"),
+      "Pitch error of the ring's tooth in mesh with slope and curvature over rho, of the pinion's over the "
+      "motor angle (S13).");
+  m.def(
+      "encoder_error",
+      [](const Drive1& p, double pos_motor) { return encoder_position(p, pos_motor, 0.0) - pos_motor; },
+      nb::arg("drive"), nb::arg("pos_motor_rad"), "What the motor encoder shows too much, rad (S13).");
   m.def(
       "spring_torque",
       [](const Plant1& p, double windup) {

@@ -61,6 +61,10 @@ def _run(*words: str) -> None:
         raise SystemExit(f"zig {words[0]} has failed")
 
 
+# Of single teeth, which `stand` refuses: they have no place among its numbers.
+_TABLES: Final = ("ring_pitch_rad", "pinion_pitch_rad")
+
+
 def numbers_of(machine: Machine) -> dict[str, float | list[float]]:
     """What `stand` of `axis.cpp` takes, by name: plant, drive, law, timing."""
     numbers: dict[str, float | list[float]] = {}
@@ -83,7 +87,7 @@ def _fields(params: object) -> list[tuple[str, float | list[float]]]:
     found = []
     for name in dir(type(params)):
         value = getattr(params, name)
-        if not name.startswith("_") and not callable(value):
+        if not name.startswith("_") and name not in _TABLES and not callable(value):
             found.append((name, list(value) if isinstance(value, Sequence) else float(value)))
     return found
 

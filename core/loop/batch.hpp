@@ -71,6 +71,7 @@ class Batch {
     GANTRY_PLANT_SWITCHES(X)
 #undef X
     drive_.delay_cycles = job.sim->drive().p.delay_cycles;
+    drive_.encoder_errors = job.sim->drive().p.encoder_errors;
     timing_ = job.sim->timing();
     sim_.ring_encoder.fitted = job.sim->ring_encoder.fitted;
     sim_.encoder.spoilt = job.sim->encoder.spoilt;
@@ -106,6 +107,7 @@ class Batch {
       set_lane(plant_.wind_rate_rad_s[n], k, one.plant().p.wind_rate_rad_s[n]);
       set_lane(plant_.wind_phase_rad[n], k, one.plant().p.wind_phase_rad[n]);
     }
+    if (plant_.tooth_pitch) set_tooth_pitch(plant_.pitch, k, one.plant().p.pitch);
 #define X(name, value, meaning) set_lane(drive_.name, k, one.drive().p.name);
     GANTRY_DRIVE_PARAMS(X)
 #undef X
@@ -123,8 +125,9 @@ class Batch {
   }
 
   void load_state(int k, const GantrySim<double>& one) {
-#define X(name, meaning) set_lane(sim_.x.name, k, one.x.name);
+#define X(name, ...) set_lane(sim_.x.name, k, one.x.name);
     GANTRY_PLANT_STATE(X)
+    GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
 #define X(name, meaning) set_lane(sim_.s.name, k, one.s.name);
     GANTRY_DRIVE_STATE(X)
@@ -184,8 +187,9 @@ class Batch {
 
   void unload(int k) const {
     GantrySim<double>& one = *lanes_[k].job->sim;
-#define X(name, meaning) one.x.name = lane(sim_.x.name, k);
+#define X(name, ...) one.x.name = lane(sim_.x.name, k);
     GANTRY_PLANT_STATE(X)
+    GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
 #define X(name, meaning) one.s.name = lane(sim_.s.name, k);
     GANTRY_DRIVE_STATE(X)

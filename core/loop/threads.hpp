@@ -15,9 +15,14 @@ namespace gantry {
 inline auto group_key(const Job& job) {
   const GantrySim<double>& sim = *job.sim;
   const Timing& t = sim.timing();
-  std::vector<int> switches = {
-      sim.drive().p.delay_cycles, t.cycles_per_scan,  static_cast<int>(t.scheme),         t.rk4_steps,
-      sim.ring_encoder.fitted,    sim.encoder.spoilt, job.control.compensation != nullptr};
+  std::vector<int> switches = {sim.drive().p.delay_cycles,
+                               t.cycles_per_scan,
+                               static_cast<int>(t.scheme),
+                               t.rk4_steps,
+                               sim.ring_encoder.fitted,
+                               sim.encoder.spoilt,
+                               job.control.compensation != nullptr,
+                               sim.drive().p.encoder_errors};
 #define X(name, type, value, meaning) switches.push_back(sim.plant().p.name);
   GANTRY_PLANT_SWITCHES(X)
 #undef X

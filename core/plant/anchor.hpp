@@ -4,6 +4,8 @@
 
 #include "core/plant/gear_error.hpp"
 #include "core/plant/params.hpp"
+#include "core/plant/thermal.hpp"
+#include "core/plant/tooth_pitch.hpp"
 
 namespace gantry::GANTRY_ISA {
 
@@ -75,15 +77,25 @@ T wind_moment(const PlantParams<T>& p, T time) {
 template <class T>
 struct Anchor {
   EccentricTorque<T> eccentric;
-  T wind = T(0.0);  // held until the next anchor: the fastest gust takes a hundred of them
+  T wind = T(0.0);     // held until the next anchor: the fastest gust takes a hundred of them
+  Thermal<T> thermal;  // likewise
   RingError<T> ring;
+  RingError<T> pinion_pitch;
   MotorWaves<T> waves;
 
   Anchor(const PlantParams<T>& p, const GearError<T>& gear, const PlantState<T>& x, T time)
-      : eccentric(p, x.pos_load) {
+      : eccentric(p, x.pos_load), thermal(p, time) {
     if (p.wind) wind = wind_moment(p, time);
     if (p.gear_error) ring = gear.ring_error(x.pos_load - x.pos_base);
-    if (p.gear_error || p.ripple) waves = MotorWaves<T>(gear, x.pos_motor);
+    if (p.tooth_pitch) add_teeth(p, x);
+    if (p.gear_error || p.ripple || p.cogging) waves = MotorWaves<T>(gear, x.pos_motor);
+  }
+
+ private:
+  void add_teeth(const PlantParams<T>& p, const PlantState<T>& x) {
+    const RingError<T> teeth = ring_pitch_error(p, x.pos_load - x.pos_base);
+    ring = {teeth.rho, ring.error + teeth.error, ring.slope + teeth.slope, ring.curvature + teeth.curvature};
+    pinion_pitch = pinion_pitch_error(p, x.pos_motor);
   }
 };
 

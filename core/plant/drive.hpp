@@ -2,7 +2,7 @@
 // evaluation. It is hardware to the controller; plant equations S7 give the order of operations.
 #pragma once
 
-#include "core/lane/lane.hpp"
+#include "core/lane/elementary.hpp"
 
 namespace gantry::GANTRY_ISA {
 
@@ -23,7 +23,12 @@ enum class DriveMode { kOff, kSpeed, kQuickStop };
   X(latency_s, 0.0, "age of an encoder reading")                                                       \
   X(speed_filter, 0.0, "first-order filter of the speed feedback: exp(-Ts/T); 0: none")                \
   X(brake_close_s, 0.0, "dead time until the brake has its torque")                                    \
-  X(brake_open_s, 0.0, "time from the command until the brake is free")
+  X(brake_open_s, 0.0, "time from the command until the brake is free")                                \
+  X(encoder_lines, 1.0, "signal periods of the encoder per turn")                                      \
+  X(encoder_error_1x_rad, 0.0, "its error, one wave per signal period, at the motor")                  \
+  X(encoder_error_2x_rad, 0.0, "two waves per signal period")                                          \
+  X(encoder_eccentricity_rad, 0.0, "one wave per turn")                                                \
+  X(encoder_eccentricity_phase_rad, 0.0, "phase of it")
 
 #define GANTRY_DRIVE_STATE(X)                                                                          \
   X(integral, "I of the speed loop, rad/s")                                                           \
@@ -39,6 +44,7 @@ struct DriveParams {
 #define X(name, value, meaning) T name = T(value);
   GANTRY_DRIVE_PARAMS(X)
 #undef X
+  bool encoder_errors = false;
   int delay_cycles = 0;  // 0 or 1: the torque acts in the cycle after the one that computed it
 };
 
@@ -91,10 +97,25 @@ struct DriveCommand {
         torque_ff_nm(torque_ff) {}
 };
 
+// Error of the encoder at an angle: its disc off the axis, and sine and cosine tracks that are none
+// (offset: one wave per signal period; amplitudes and quadrature: two; Heydemann 1981). Whole turns and
+// periods are taken off first: sine and cosine want a small argument.
+template <class T>
+T encoder_error(const DriveParams<T>& p, T pos) {
+  constexpr double kTurn = 6.283185307179586;
+  const T turns = pos * T(1.0 / kTurn);
+  const T periods = turns * p.encoder_lines;
+  const SinCos<T> turn = sincos((turns - vround(turns)) * T(kTurn) + p.encoder_eccentricity_phase_rad);
+  const SinCos<T> period = sincos((periods - vround(periods)) * T(kTurn));
+  return p.encoder_eccentricity_rad * turn.sin + p.encoder_error_1x_rad * period.sin +
+         p.encoder_error_2x_rad * twice(period).sin;
+}
+
 // Position as the encoder sees it, `latency_s` old.
 template <class T>
 GANTRY_INLINE T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor) {
-  return pos_motor - vel_motor * p.latency_s;
+  const T pos = pos_motor - vel_motor * p.latency_s;
+  return p.encoder_errors ? pos + encoder_error(p, pos) : pos;
 }
 
 // The same in whole counts of the speed feedback (0: ideal).

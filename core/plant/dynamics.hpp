@@ -11,8 +11,9 @@ template <class T>
 struct Plant {
   PlantParams<T> p;
   GearError<T> gear;
-  FrictionParams<T> roller, motor, brake;
+  FrictionParams<T> roller, motor, brake, cable;
   Gate<T> gate;
+  Harmonic<T> cogging;                                         // over cogging_order x motor angle
   T break_1, break_2;                                          // wind-up at which the slope changes, rad
   T ratio_inverse;                                             // 1/i
   T motor_inverse, load_inverse, base_inverse, rigid_inverse;  // 1/Jm, 1/J, 1/Jb, 1/(J/i^2 + Jm)
@@ -30,6 +31,10 @@ struct Plant {
     // speed.
     brake = {p.brake_torque_nm,    p.brake_torque_nm, T(1e9), T(0.0), p.brake_presliding_rad, T(1.4),
              p.inertia_motor_kg_m2};
+    // Cables: one level, no damping of their own before they slide.
+    cable = {p.cable_friction_nm, p.cable_friction_nm, T(1e-9), T(0.0), p.cable_presliding_rad, T(0.0),
+             p.inertia_load_kg_m2};
+    cogging = Harmonic<T>(p.cogging_torque_nm, p.cogging_phase_rad);
     gate = gate_of(p.friction_ep_ratio);
     break_1 = p.torque_1_nm / p.stiffness_1_nm_per_rad;
     break_2 = break_1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad;
@@ -65,7 +70,7 @@ struct Forces {
   T acc_motor = T(0.0), acc_load = T(0.0), acc_base = T(0.0);
   T torque_mesh = T(0.0);      // Tg, at the gantry
   T hysteresis_rate = T(0.0);  // Th'
-  Friction<T> roller, motor, brake;
+  Friction<T> roller, motor, brake, cable;
 };
 
 template <class T>
@@ -74,12 +79,12 @@ struct Mesh {
   T hysteresis_rate = T(0.0);
 };
 
-// Spring, damper, hysteresis and gap between motor and ring (S3); twist = D, twist_rate = D'.
+// Spring, damper, hysteresis and gap between motor and ring (S3); twist = D, twist_rate = D', half_gap = b/2.
 template <class T>
-GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) {
+GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T half_gap, T twist, T twist_rate, T hysteresis) {
   const PlantParams<T>& p = plant.p;
   const T side = sign(twist);
-  const T windup = vabs(twist) - p.half_backlash_rad;  // |De|, negative in the gap
+  const T windup = vabs(twist) - half_gap;  // |De|, negative in the gap
   const T spring = plant.spring(select(windup > T(0.0), windup, T(0.0)));
   Mesh<T> m;
   m.torque = side * spring + p.damping_nm_s_per_rad * twist_rate + hysteresis;
@@ -105,16 +110,35 @@ GANTRY_INLINE T ripple_torque(const Plant<T>& plant, T wave, T torque_motor) {
   return plant.p.ripple_torque_nm * wave * select(load < T(1.0), load, T(1.0));
 }
 
-// Friction of the motor, brake and ripple: the torque on the motor shaft besides Te and the mesh.
+// Viscous friction at another temperature than that of alignment.
 template <class T>
-GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, MaskOf<T> brake_closed,
-                                  T torque_mesh, T ripple, Forces<T>& f) {
+GANTRY_INLINE void thicken(const FrictionParams<T>& p, const Thermal<T>& thermal, T vel, Friction<T>& f) {
+  f.torque = f.torque + (thermal.viscosity - T(1.0)) * (p.viscous * vel);
+}
+
+// What the motor angle contributes: gear error of reducer and pinion, sine of the ripple, cogging torque.
+template <class T>
+struct MotorSide {
+  ErrorValue<T> error;
+  T ripple = T(0.0);
+  T cogging = T(0.0);
+};
+
+// Friction of the motor, brake, ripple and cogging: the torque on the motor shaft besides the mesh.
+template <class T>
+GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, const Anchor<T>& anchor,
+                                  MaskOf<T> brake_closed, T torque_mesh, const MotorSide<T>& side,
+                                  Forces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
-  if (p.ripple) torque = torque + ripple_torque(plant, ripple, x.torque_motor);
+  if (p.thermal) torque = torque * anchor.thermal.motor_torque;
+  if (p.ripple) torque = torque + ripple_torque(plant, side.ripple, x.torque_motor);
+  if (p.cogging) torque = torque + side.cogging;
   if (p.motor_friction) {
-    f.motor = friction<true>(plant.motor, plant.gate, x.vel_motor, x.motor_z,
-                             p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse);
+    T load_torque = p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse;
+    if (p.ageing) load_torque = load_torque + p.motor_ageing_nm * x.motor_age;
+    f.motor = friction<true>(plant.motor, plant.gate, x.vel_motor, x.motor_z, load_torque);
+    if (p.thermal) thicken(plant.motor, anchor.thermal, x.vel_motor, f.motor);
     torque = torque - f.motor.torque;
   }
   if (any(brake_closed)) {
@@ -124,18 +148,11 @@ GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x,
   return torque;
 }
 
-// What the motor angle contributes: gear error of reducer and pinion, sine of the ripple.
-template <class T>
-struct MotorSide {
-  ErrorValue<T> error;
-  T ripple = T(0.0);
-};
-
 template <class T>
 GANTRY_INLINE MotorSide<T> motor_side(const Plant<T>& plant, MotorWaves<T>& waves, T pos_motor) {
   const PlantParams<T>& p = plant.p;
   MotorSide<T> side;
-  if (!p.gear_error && !p.ripple) return side;
+  if (!p.gear_error && !p.ripple && !p.cogging) return side;
   waves.reach(plant.gear, pos_motor);
   const T way = pos_motor - waves.pos;
   const SinCos<T> motor = angle_sum(waves.motor, sincos_small<4>(way));
@@ -149,7 +166,35 @@ GANTRY_INLINE MotorSide<T> motor_side(const Plant<T>& plant, MotorWaves<T>& wave
   if (p.ripple)
     side.ripple = p.ripple_order % 4 == 0 ? multiple(four, p.ripple_order / 4).sin
                                           : multiple(motor, p.ripple_order).sin;
+  if (p.cogging)
+    side.cogging = plant.cogging.value(p.cogging_order % 4 == 0 ? multiple(four, p.cogging_order / 4)
+                                                                : multiple(motor, p.cogging_order));
   return side;
+}
+
+// Friction of the rollers, older contacts holding more.
+template <class T>
+GANTRY_INLINE Friction<T> roller_friction(const Plant<T>& plant, const Thermal<T>& thermal, T vel,
+                                          const PlantState<T>& x) {
+  const PlantParams<T>& p = plant.p;
+  Friction<T> f =
+      p.ageing ? friction<true>(plant.roller, plant.gate, vel, x.roller_z, p.roller_ageing_nm * x.roller_age)
+               : friction<false>(plant.roller, plant.gate, vel, x.roller_z);
+  if (p.thermal) thicken(plant.roller, thermal, vel, f);
+  return f;
+}
+
+// Moment of the cables on the load: a polynomial of the ring's angle, and their hysteresis.
+template <class T>
+GANTRY_INLINE T cable_moment(const PlantParams<T>& p, T rho) {
+  return p.cable_moment_nm +
+         rho * (p.cable_moment_1_nm + rho * (p.cable_moment_2_nm + rho * p.cable_moment_3_nm));
+}
+
+template <class T>
+GANTRY_INLINE T cable_torque(const Plant<T>& plant, T rho, T vel, T z, Forces<T>& f) {
+  f.cable = friction<false>(plant.cable, plant.gate, vel, z);
+  return cable_moment(plant.p, rho) - f.cable.torque;
 }
 
 template <class T>
@@ -163,23 +208,29 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, An
   T slope_ring = T(1.0);
   T twist = x.pos_motor * plant.ratio_inverse - rho;
   const MotorSide<T> motor = motor_side(plant, anchor.waves, x.pos_motor);
-  if (p.gear_error) {
+  if (p.gear_error || p.tooth_pitch) {
     const ErrorValue<T> ring = anchor.ring.at(rho);
     twist = twist + motor.error.error + ring.error;
     slope_motor = slope_motor + motor.error.slope;
     slope_ring = slope_ring - ring.slope;
   }
-  const Mesh<T> mesh =
-      mesh_torque(plant, twist, x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
+  if (p.tooth_pitch) {
+    const ErrorValue<T> pinion = anchor.pinion_pitch.at(x.pos_motor);
+    twist = twist + pinion.error;
+    slope_motor = slope_motor + pinion.slope;
+  }
+  const Mesh<T> mesh = mesh_torque(plant, anchor.thermal.half_backlash, twist,
+                                   x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
   f.torque_mesh = mesh.torque;
   f.hysteresis_rate = mesh.hysteresis_rate;
-  const T motor_torque = motor_side_torque(plant, x, brake_closed, mesh.torque, motor.ripple, f);
+  const T motor_torque = motor_side_torque(plant, x, anchor, brake_closed, mesh.torque, motor, f);
   f.acc_motor = (motor_torque - mesh.torque * slope_motor) * plant.motor_inverse;
   T on_ring = mesh.torque * slope_ring;
   if (p.roller_friction) {
-    f.roller = friction<false>(plant.roller, plant.gate, vel_ring, x.roller_z);
+    f.roller = roller_friction(plant, anchor.thermal, vel_ring, x);
     on_ring = on_ring - f.roller.torque;
   }
+  if (p.cable) on_ring = on_ring + cable_torque(plant, rho, vel_ring, x.cable_z, f);
   T on_load = on_ring + anchor.eccentric(x.pos_load);
   if (p.wind) on_load = on_load + anchor.wind;
   f.acc_load = on_load * plant.load_inverse;
@@ -200,11 +251,12 @@ GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>&
   T torque = anchor.eccentric(x.pos_load);
   if (p.wind) torque = torque + anchor.wind;
   if (p.roller_friction) {
-    f.roller = friction<false>(plant.roller, plant.gate, x.vel_load, x.roller_z);
+    f.roller = roller_friction(plant, anchor.thermal, x.vel_load, x);
     torque = torque - f.roller.torque;
   }
-  const T on_motor = motor_side_torque(plant, x, brake_closed, torque,
-                                       motor_side(plant, anchor.waves, x.pos_motor).ripple, f) +
+  if (p.cable) torque = torque + cable_torque(plant, x.pos_load, x.vel_load, x.cable_z, f);
+  const T on_motor = motor_side_torque(plant, x, anchor, brake_closed, torque,
+                                       motor_side(plant, anchor.waves, x.pos_motor), f) +
                      torque * plant.ratio_inverse;
   f.acc_motor = on_motor * plant.rigid_inverse;
   f.acc_load = f.acc_motor * plant.ratio_inverse;

@@ -115,4 +115,15 @@ GANTRY_INLINE T friction_step(T z, const Friction<T>& f, T dt) {
   return z + f.z_rate * (dt * mean);
 }
 
+// How the age of a contact changes: it grows to 1 with a time constant and is lost over a way of sliding. The
+// same form as z' = v - lambda z, and the same exact step.
+template <class T>
+GANTRY_INLINE Friction<T> ageing(const Friction<T>& f, T z, T age, T time_s, T length) {
+  const T fresh = T(1.0) / time_s;
+  Friction<T> a;
+  a.slip_rate = fresh + f.slip_rate * vabs(z) / length;
+  a.z_rate = fresh - a.slip_rate * age;
+  return a;
+}
+
 }  // namespace gantry::GANTRY_ISA

@@ -95,13 +95,22 @@ class GantrySim {
     encoder = EncoderFault<T>();
     T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);
     if (p.wind) torque_mesh = torque_mesh - p.wind_moment_nm;
-    const T torque_motor = torque_mesh / p.ratio;
     x.pos_load = theta0;
     x.pos_motor = p.ratio * theta0;
-    if (!p.rigid) settle_gears(theta0, torque_mesh);
+    if (p.base && !p.rigid) x.pos_base = -torque_mesh / p.base_stiffness_nm_per_rad;
+    if (p.cable) torque_mesh = torque_mesh - cable_moment(p, theta0 - x.pos_base);
+    const Thermal<T> thermal(p, T(0.0));
+    if (!p.rigid) settle_gears(theta0, torque_mesh, thermal.half_backlash);
+    T torque_motor = torque_mesh / p.ratio;
+    if (p.cogging) {
+      MotorWaves<T> waves(plant_.gear, x.pos_motor);
+      torque_motor = torque_motor - motor_side(plant_, waves, x.pos_motor).cogging;
+    }
+    if (p.ageing) x.roller_age = x.motor_age = T(1.0);  // it has stood for long
     report = Report();
     report.torque_mesh = torque_mesh;
     if (servo_on) {
+      if (p.thermal) torque_motor = torque_motor / thermal.motor_torque;
       x.torque_motor = torque_motor;
       s.torque_set = torque_motor;
       s.integral = torque_motor / drive_.p.kvp_nm_s_per_rad;
@@ -212,17 +221,17 @@ class GantrySim {
                        report.torque_mesh);
   }
 
-  // Base deflection, wind-up and gear error for a static mesh torque, by fixed-point iteration.
-  void settle_gears(T theta0, T torque_mesh) {
+  // Wind-up and gear error for a static mesh torque, by fixed-point iteration.
+  void settle_gears(T theta0, T torque_mesh, T half_gap) {
     const PlantParams<T>& p = plant_.p;
-    if (p.base) x.pos_base = -torque_mesh / p.base_stiffness_nm_per_rad;
     const T rho = theta0 - x.pos_base;
     const auto loaded = vabs(torque_mesh) > T(0.0);
-    const T twist =
-        sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, p.half_backlash_rad, T(0.0)));
-    const T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
+    const T twist = sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, half_gap, T(0.0)));
+    T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
+    if (p.tooth_pitch) ring = ring + ring_pitch_error(p, rho).error;
     for (int k = 0; k < 50; ++k) {
-      const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor).error : T(0.0);
+      T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor).error : T(0.0);
+      if (p.tooth_pitch) em = em + pinion_pitch_error(p, x.pos_motor).error;
       x.pos_motor = p.ratio * (rho + twist - em - ring);
     }
   }
@@ -244,6 +253,10 @@ class GantrySim {
   void flush() {
 #define X(name, meaning) x.name = flush_subnormal(x.name);
     GANTRY_PLANT_STATE(X)
+#undef X
+#define X(name, effect, meaning) \
+  if (plant_.p.effect) x.name = flush_subnormal(x.name);
+    GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
     s.integral = flush_subnormal(s.integral);
     s.vel_filtered = flush_subnormal(s.vel_filtered);

@@ -38,8 +38,9 @@ struct Harmonic {
   }
 };
 
-// Gear error of the ring at an angle, continued from there to the second order. Linear continuation over 1 ms
-// would move a load at full speed by 1e-7 deg, the second order by 1e-10 (anchor_test.cpp).
+// Gear error at an angle, of the ring or of single teeth, continued from there to the second order. Linear
+// continuation over 1 ms would move a load at full speed by 1e-7 deg, the second order by 1e-10
+// (anchor_test.cpp).
 template <class T>
 struct RingError {
   T rho = T(0.0);

@@ -34,6 +34,22 @@ struct CurrentLoop {
   }
 };
 
+template <class T>
+GANTRY_INLINE Friction<T> roller_ageing(const PlantParams<T>& p, const Forces<T>& f, const PlantState<T>& x) {
+  return ageing(f.roller, x.roller_z, x.roller_age, p.roller_ageing_time_s, p.roller_ageing_length_rad);
+}
+template <class T>
+GANTRY_INLINE Friction<T> motor_ageing(const PlantParams<T>& p, const Forces<T>& f, const PlantState<T>& x) {
+  return ageing(f.motor, x.motor_z, x.motor_age, p.motor_ageing_time_s, p.motor_ageing_length_rad);
+}
+
+// Before the friction states move on: their sliding is that of the start of the cycle.
+template <class T>
+GANTRY_INLINE void age_contacts(const PlantParams<T>& p, const Forces<T>& f, T dt, PlantState<T>& x) {
+  if (p.roller_friction) x.roller_age = friction_step(x.roller_age, roller_ageing(p, f, x), dt);
+  if (p.motor_friction) x.motor_age = friction_step(x.motor_age, motor_ageing(p, f, x), dt);
+}
+
 // All forces at the start of the cycle; then the exact step of current and friction states, semi-implicit
 // Euler of speeds and positions. One evaluation instead of eight; S9 gives its error, the tests hold it to
 // that.
@@ -47,9 +63,11 @@ GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<
       p.rigid ? forces_rigid(plant, x, anchor, brake_closed) : forces(plant, x, anchor, brake_closed);
   torque_mesh = f.torque_mesh;
   x.torque_motor = current.at_end(u, x.torque_motor);
+  if (p.ageing) age_contacts(p, f, dt, x);
   if (p.roller_friction) x.roller_z = friction_step(x.roller_z, f.roller, dt);
   if (p.motor_friction) x.motor_z = friction_step(x.motor_z, f.motor, dt);
   if (any(brake_closed)) x.brake_z = select(brake_closed, friction_step(x.brake_z, f.brake, dt), x.brake_z);
+  if (p.cable) x.cable_z = friction_step(x.cable_z, f.cable, dt);
   if (p.hysteresis) x.hysteresis = x.hysteresis + f.hysteresis_rate * dt;
   x.vel_motor = x.vel_motor + dt * f.acc_motor;
   x.pos_motor = x.pos_motor + dt * x.vel_motor;
@@ -85,14 +103,18 @@ PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current, A
   if (p.hysteresis) d.hysteresis = f.hysteresis_rate;
   if (p.roller_friction) d.roller_z = f.roller.z_rate;
   if (p.motor_friction) d.motor_z = f.motor.z_rate;
+  if (p.ageing && p.roller_friction) d.roller_age = roller_ageing(p, f, x).z_rate;
+  if (p.ageing && p.motor_friction) d.motor_age = motor_ageing(p, f, x).z_rate;
+  if (p.cable) d.cable_z = f.cable.z_rate;
   return d;
 }
 
 template <class T>
 PlantState<T> advanced(const PlantState<T>& x, const PlantState<T>& d, T dt) {
   PlantState<T> y = x;
-#define X(name, meaning) y.name = x.name + dt * d.name;
+#define X(name, ...) y.name = x.name + dt * d.name;
   GANTRY_PLANT_STATE(X)
+  GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
   return y;
 }
@@ -113,9 +135,10 @@ void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current, Anch
     const PlantState<T> k2 = slope(advanced(x, k1, T(0.5) * h));
     const PlantState<T> k3 = slope(advanced(x, k2, T(0.5) * h));
     const PlantState<T> k4 = slope(advanced(x, k3, h));
-#define X(name, meaning) \
-  x.name = x.name + h / T(6.0) * (k1.name + T(2.0) * k2.name + T(2.0) * k3.name + k4.name);
+    const T sixth = h / T(6.0);
+#define X(name, ...) x.name = x.name + sixth * (k1.name + T(2.0) * k2.name + T(2.0) * k3.name + k4.name);
     GANTRY_PLANT_STATE(X)
+    GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
     if (any(brake_closed)) {
       const Friction<T> brake = friction<false>(plant.brake, plant.gate, x.vel_motor, x.brake_z);

@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "core/lane/isa.hpp"
+#include "core/lane/lane.hpp"
 
 namespace gantry::GANTRY_ISA {
 
@@ -62,7 +62,31 @@ constexpr int kWindWaves = 24;
   X(brake_torque_nm, 0.0, "slip torque of the closed brake, at the motor")                             \
   X(brake_presliding_rad, 5e-4, "z_b, at the motor")                                                   \
   X(current_bandwidth_rad_s, 0.0, "wc of the current loop; 0: ideal, Te = u")                          \
-  X(wind_moment_nm, 0.0, "mean moment of the wind on the load")
+  X(wind_moment_nm, 0.0, "mean moment of the wind on the load")                                        \
+  X(contact_ratio, 2.0, "tooth pairs in mesh on average, 1 < ratio <= 2")                              \
+  X(gear_temp_start_k, 0.0, "gears above their temperature of alignment, at the start")                \
+  X(gear_temp_end_k, 0.0, "the same in the end")                                                       \
+  X(gear_temp_time_s, 1.0, "time constant between them")                                               \
+  X(motor_temp_start_k, 0.0, "motor above the temperature of its torque constant, at the start")       \
+  X(motor_temp_end_k, 0.0, "the same in the end")                                                      \
+  X(motor_temp_time_s, 1.0, "time constant between them")                                              \
+  X(half_backlash_rad_per_k, 0.0, "growth of b/2 with the temperature of the gears")                   \
+  X(viscosity_per_k, 0.0, "viscous friction goes with exp(this x temperature of the gears)")           \
+  X(torque_constant_per_k, 0.0, "growth of the torque with the temperature of the motor, as a part")   \
+  X(roller_ageing_nm, 0.0, "growth of the rollers' breakaway at standstill")                           \
+  X(roller_ageing_time_s, 1.0, "time constant of it")                                                  \
+  X(roller_ageing_length_rad, 1e-4, "sliding way over which it is lost")                               \
+  X(motor_ageing_nm, 0.0, "growth of the motor's breakaway at standstill, at the motor")               \
+  X(motor_ageing_time_s, 1.0, "time constant of it")                                                   \
+  X(motor_ageing_length_rad, 0.1, "sliding way over which it is lost, at the motor")                   \
+  X(cogging_torque_nm, 0.0, "cogging torque amplitude, at the motor")                                  \
+  X(cogging_phase_rad, 0.0, "phase of it")                                                             \
+  X(cable_moment_nm, 0.0, "moment of the cables on the load at 0 rad")                                 \
+  X(cable_moment_1_nm, 0.0, "its growth per rad")                                                      \
+  X(cable_moment_2_nm, 0.0, "per rad^2")                                                               \
+  X(cable_moment_3_nm, 0.0, "per rad^3")                                                               \
+  X(cable_friction_nm, 0.0, "half width of the hysteresis of the cables")                              \
+  X(cable_presliding_rad, 1e-2, "angle over which it turns over")
 
 // X(name, default, meaning): the same for every plant of a pack
 #define GANTRY_PLANT_SWITCHES(X)                                                                       \
@@ -76,6 +100,13 @@ constexpr int kWindWaves = 24;
   X(base, bool, false, "rocking base present")                                                         \
   X(ripple, bool, false, "torque ripple present")                                                      \
   X(wind, bool, false, "moment of the wind present")                                                   \
+  X(ring_teeth, int, 0, "teeth of the ring, for the errors of single teeth")                           \
+  X(tooth_pitch, bool, false, "pitch errors of single teeth present")                                  \
+  X(thermal, bool, false, "temperatures act on backlash, viscous friction and torque")                 \
+  X(ageing, bool, false, "breakaway grows at standstill")                                              \
+  X(cogging_order, int, 1, "cogging cycles per motor turn")                                            \
+  X(cogging, bool, false, "cogging torque present")                                                    \
+  X(cable, bool, false, "moment of the cables present")                                                \
   X(rigid, bool, false, "one inertia J/i^2 + Jm: theta = theta_m / i")
 
 #define GANTRY_PLANT_STATE(X)                                                                          \
@@ -90,7 +121,39 @@ constexpr int kWindWaves = 24;
   X(roller_z, "friction state of the rollers, rad")                                                  \
   X(motor_z, "friction state of the motor, rad")                                                     \
   X(brake_z, "friction state of the brake, rad")
+
+// X(name, switch, meaning): states that exist only with their effect
+#define GANTRY_PLANT_EFFECT_STATE(X)                                                                   \
+  X(roller_age, ageing, "age of the contact of the rollers, 0 fresh .. 1")                           \
+  X(motor_age, ageing, "age of the contacts of the motor, 0 fresh .. 1")                             \
+  X(cable_z, cable, "friction state of the cables, rad")
 // clang-format on
+
+// Deviations of single teeth, at the gantry. A plant has its own; a pack looks into those of its plants,
+// which outlive it.
+constexpr int kRingTeethMax = 1024;
+constexpr int kPinionTeethMax = 128;
+
+template <class T>
+struct ToothPitch {
+  const ToothPitch<double>* of_lane[kLanes<T>] = {};
+};
+template <>
+struct ToothPitch<double> {
+  std::array<double, kRingTeethMax> ring_rad{};
+  std::array<double, kPinionTeethMax> pinion_rad{};
+};
+
+inline const ToothPitch<double>& tooth_pitch_of(const ToothPitch<double>& one, int) { return one; }
+inline void set_tooth_pitch(ToothPitch<double>& to, int, const ToothPitch<double>& one) { to = one; }
+template <class T>
+const ToothPitch<double>& tooth_pitch_of(const ToothPitch<T>& pack, int k) {
+  return *pack.of_lane[k];
+}
+template <class T>
+void set_tooth_pitch(ToothPitch<T>& pack, int k, const ToothPitch<double>& one) {
+  pack.of_lane[k] = &one;
+}
 
 template <class T>
 struct PlantParams {
@@ -102,6 +165,7 @@ struct PlantParams {
   std::array<T, kWindWaves> wind_wave_nm{};  // gusts, N m, rad/s, rad
   std::array<T, kWindWaves> wind_rate_rad_s{};
   std::array<T, kWindWaves> wind_phase_rad{};
+  ToothPitch<T> pitch;
 #define X(name, type, value, meaning) type name = value;
   GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -109,8 +173,9 @@ struct PlantParams {
 
 template <class T>
 struct PlantState {
-#define X(name, meaning) T name = T(0.0);
+#define X(name, ...) T name = T(0.0);
   GANTRY_PLANT_STATE(X)
+  GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
 };
 

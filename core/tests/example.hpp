@@ -71,6 +71,32 @@ inline PlantParams<double> plant() {
     p.wind_phase_rad[n] = 0.7 * static_cast<double>(n);
   }
   p.pinion_teeth = 26;
+  p.ring_teeth = 338;
+  for (std::size_t n = 0; n < 338; ++n) p.pitch.ring_rad[n] = 4e-6 * std::sin(1.7 * double(n * n));
+  for (std::size_t n = 0; n < 26; ++n) p.pitch.pinion_rad[n] = 2e-6 * std::sin(2.3 * double(n * n));
+  p.contact_ratio = 1.6;
+  p.gear_temp_start_k = 2.0;
+  p.gear_temp_end_k = -4.0;
+  p.gear_temp_time_s = 0.2;
+  p.motor_temp_end_k = 60.0;
+  p.motor_temp_time_s = 0.3;
+  p.half_backlash_rad_per_k = -4e-6;
+  p.viscosity_per_k = -0.05;
+  p.torque_constant_per_k = -0.001;
+  p.roller_ageing_nm = 3000.0;
+  p.roller_ageing_time_s = 0.3;
+  p.motor_ageing_nm = 2.0;
+  p.motor_ageing_time_s = 0.2;
+  p.motor_ageing_length_rad = 0.05;
+  p.cogging_torque_nm = 1.5;
+  p.cogging_phase_rad = 0.7;
+  p.cogging_order = 36;
+  p.cable_moment_nm = 300.0;
+  p.cable_moment_1_nm = -500.0;
+  p.cable_moment_2_nm = 100.0;
+  p.cable_moment_3_nm = -50.0;
+  p.cable_friction_nm = 400.0;
+  p.cable_presliding_rad = 1e-3;
   p.ripple_order = 12;
   p.gear_error = p.hysteresis = p.backlash = p.roller_friction = p.motor_friction = p.base = p.ripple = true;
   return p;
@@ -91,6 +117,11 @@ inline DriveParams<double> drive() {
   p.brake_close_s = 0.15;
   p.brake_open_s = 0.1;
   p.delay_cycles = 1;
+  p.encoder_lines = 2048.0;
+  p.encoder_error_1x_rad = 2e-5;
+  p.encoder_error_2x_rad = 1e-5;
+  p.encoder_eccentricity_rad = 5e-5;
+  p.encoder_eccentricity_phase_rad = 0.4;
   return p;
 }
 
@@ -101,6 +132,12 @@ GantrySim<T> sim(const PlantParams<T>& plant, const DriveParams<T>& drive,
 }
 
 inline GantrySim<double> sim() { return sim(plant(), drive()); }
+
+// Every effect that the reference machine has switched off.
+inline PlantParams<double> beyond(PlantParams<double> p) {
+  p.wind = p.tooth_pitch = p.thermal = p.ageing = p.cogging = p.cable = true;
+  return p;
+}
 
 // The same plant with every number changed by up to 20 %: what a pack of different plants is made of.
 inline PlantParams<double> varied(PlantParams<double> p, std::mt19937& random) {
@@ -115,6 +152,8 @@ inline PlantParams<double> varied(PlantParams<double> p, std::mt19937& random) {
   for (double& a : p.wind_wave_nm) a *= factor(random);
   for (double& a : p.wind_rate_rad_s) a *= factor(random);
   for (double& a : p.wind_phase_rad) a += factor(random);
+  for (double& a : p.pitch.ring_rad) a *= factor(random);
+  for (double& a : p.pitch.pinion_rad) a *= factor(random);
   return p;
 }
 

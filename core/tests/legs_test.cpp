@@ -33,6 +33,8 @@ struct Population {
       if (k % 5 == 3) plant.backlash = plant.ripple = false;
       if (k % 11 == 9) plant.rigid = true;
       if (k % 7 == 5) drive.delay_cycles = 0;
+      if (k % 4 == 3) plant = example::beyond(plant);
+      drive.encoder_errors = k % 8 == 3;
       const Scheme scheme = k % 13 == 11 ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation;
       GantrySim<double> sim = example::sim(plant, drive, scheme);
       if (k % 3 == 1) fit_ring_encoder(sim, static_cast<double>(k));
@@ -181,8 +183,9 @@ void expect_same(const Population& a, const Population& b) {
       GANTRY_LEG_COLUMNS(X)
 #undef X
     }
-#define X(name, meaning) expect_bits(a.sims[k].x.name, b.sims[k].x.name, #name, k);
+#define X(name, ...) expect_bits(a.sims[k].x.name, b.sims[k].x.name, #name, k);
     GANTRY_PLANT_STATE(X)
+    GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
 #define X(name, meaning) expect_bits(a.sims[k].s.name, b.sims[k].s.name, #name, k);
     GANTRY_DRIVE_STATE(X)

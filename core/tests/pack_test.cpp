@@ -32,6 +32,7 @@ PlantParams<Pack<N>> packed(const std::vector<PlantParams<double>>& plants) {
       pack.wind_rate_rad_s[n].lane[k] = one.wind_rate_rad_s[n];
       pack.wind_phase_rad[n].lane[k] = one.wind_phase_rad[n];
     }
+    set_tooth_pitch(pack.pitch, k, one.pitch);
 #define X(name, type, value, meaning) pack.name = one.name;
     GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -48,6 +49,7 @@ DriveParams<Pack<N>> packed(const std::vector<DriveParams<double>>& drives) {
     GANTRY_DRIVE_PARAMS(X)
 #undef X
     pack.delay_cycles = one.delay_cycles;
+    pack.encoder_errors = one.encoder_errors;
   }
   return pack;
 }
@@ -62,8 +64,9 @@ template <int N>
 void expect_same(const GantrySim<Pack<N>>& pack, const std::vector<GantrySim<double>>& ones, int scan) {
   for (int k = 0; k < N; ++k) {
     const GantrySim<double>& one = ones[static_cast<std::size_t>(k)];
-#define X(name, meaning) expect_bits(pack.x.name.lane[k], one.x.name, #name, k, scan);
+#define X(name, ...) expect_bits(pack.x.name.lane[k], one.x.name, #name, k, scan);
     GANTRY_PLANT_STATE(X)
+    GANTRY_PLANT_EFFECT_STATE(X)
 #undef X
 #define X(name, meaning) expect_bits(pack.s.name.lane[k], one.s.name, "drive " #name, k, scan);
     GANTRY_DRIVE_STATE(X)
@@ -100,6 +103,7 @@ void expect_pack_equals_scalars(const std::vector<PlantParams<double>>& plants, 
   std::mt19937 random(11);
   std::vector<DriveParams<double>> drives;
   for (int k = 0; k < N; ++k) drives.push_back(example::varied(example::drive(), random));
+  for (DriveParams<double>& each : drives) each.encoder_errors = plants[0].tooth_pitch;
   std::vector<GantrySim<double>> ones;
   GantrySim<Pack<N>> pack = example::sim(packed<N>(plants), packed<N>(drives), scheme);
   Pack<N> start;
@@ -160,6 +164,16 @@ TEST(Pack, equals_plants_in_the_wind) {
   p.rigid = true;
   p.gear_error = p.backlash = p.hysteresis = p.base = false;
   expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 100);
+}
+
+TEST(Pack, equals_plants_with_every_effect) {
+  PlantParams<double> p = example::beyond(example::plant());
+  expect_pack_equals_scalars<8>(varied_plants(8, p), Scheme::kOneEvaluation, 700);
+  expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kRungeKutta4, 100);
+  expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 50, false);
+  p.rigid = true;
+  p.gear_error = p.backlash = p.hysteresis = p.base = p.tooth_pitch = false;
+  expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 300);
 }
 
 TEST(Pack, equals_rigid_plants) {

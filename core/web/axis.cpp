@@ -27,7 +27,7 @@ const char kNames[] =
 #define X(name, value, meaning) "drive." #name "\n"
         GANTRY_DRIVE_PARAMS(X)
 #undef X
-            "drive.delay_cycles\n"
+            "drive.encoder_errors\ndrive.delay_cycles\n"
             "law.kpp_per_s\nlaw.kvf\nlaw.ratio\nlaw.rad_per_count\nlaw.vel_max_rad_s\n"
             "scan_period_s\nrk4_steps\ncount_offset\n";
 
@@ -93,6 +93,8 @@ void stand(double angle_rad) {
 #define X(name, value, meaning) from.read(drive.name);
   GANTRY_DRIVE_PARAMS(X)
 #undef X
+  if (plant.tooth_pitch) __builtin_trap();  // single teeth are tables, for which no names are handed over
+  from.read(drive.encoder_errors);
   from.read(drive.delay_cycles);
   control = Control<double>();
   from.read(control.law.kpp_per_s);

@@ -15,7 +15,7 @@ from gantryctl.wiring.simulator import gantry_sim
 
 _SWITCHES = (
     "gear_error", "backlash", "hysteresis", "roller_friction", "motor_friction", "eccentric_moment", "base",
-    "torque_ripple", "three_slopes",
+    "torque_ripple", "three_slopes", "tooth_pitch", "thermal", "ageing", "cogging", "encoder_errors", "cable",
 )  # fmt: skip
 
 
@@ -48,6 +48,10 @@ def machines(draw: st.DrawFn) -> Machine:
         "plant.roller_friction.breakaway_nm": roller_nm * draw(factor(1.0, 4.0)),
         "plant.motor_friction.coulomb_nm": (motor_nm := 5.5 * draw(factor(0.1, 1.0))),
         "plant.motor_friction.breakaway_nm": motor_nm * draw(factor(1.0, 4.0)),
+        "plant.thermal.gears_start_k": draw(factor(-10.0, 10.0)),
+        "plant.thermal.gears_end_k": draw(factor(-10.0, 10.0)),
+        "plant.thermal.motor_end_k": draw(factor(-10.0, 90.0)),
+        "plant.tooth_pitch.seed": draw(st.integers(0, 3)),
         "plant.integration.scheme": draw(st.sampled_from(["one_evaluation", "rk4"])),
     }
     for name in _SWITCHES:

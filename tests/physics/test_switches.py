@@ -118,6 +118,24 @@ def test_switched_off_its_parameters_say_nothing(switch: str, others: dict[str, 
     assert same(day(off), day(off | others))
 
 
+BEYOND: dict[str, dict[str, object]] = {
+    "tooth_pitch": {"plant.tooth_pitch.scale": 2.0},
+    "thermal": {"plant.thermal.gears_start_k": -5.0, "plant.thermal.motor_start_k": 40.0},
+    "ageing": {"plant.ageing.roller_nm": 3000.0},
+    "cogging": {"plant.motor.cogging_torque_nm": 5.0},
+    "encoder_errors": {"plant.encoder.eccentricity_rad": 1e-3},
+    "cable": {"plant.cable.moment_nm": 900.0},
+}
+
+
+@pytest.mark.parametrize("switch", list(BEYOND))
+def test_effects_beyond_the_reference_machine_are_off_absent_and_on_there(switch: str) -> None:
+    usual, on = day({}), {f"plant.switches.{switch}": True}
+    assert same(usual, day(BEYOND[switch]))
+    assert not same(usual, day(BEYOND[switch] | on))
+    assert np.isfinite(np.array(list(day(BEYOND[switch] | on).values()))).all()
+
+
 def test_friction_without_levels_is_friction_switched_off() -> None:
     """Fc = Fs = Fv = 0, friction still "present": no torque, no number that is none."""
     for name, levels in (

@@ -15,6 +15,7 @@ from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTab
 from gantryctl.machine.wind import wind_waves
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import lead_deg
+from gantryctl.wiring.plant_effects import add_effects, add_encoder_errors
 
 # Below this torque the ripple shrinks with the torque (plant equations S5).
 _RIPPLE_FULL_TORQUE_NM: Final = 20.0
@@ -57,6 +58,7 @@ def plant_params(machine: Machine) -> _core.PlantParams:
     p.gear_error = switch.gear_error and not switch.rigid
     _friction(p, plant)
     _base(p, plant)
+    add_effects(p, machine)
     return p
 
 
@@ -82,7 +84,8 @@ def _transmission(p: _core.PlantParams, machine: Machine) -> None:
     p.hysteresis_torque_nm = t.hysteresis_torque_nm
     p.hysteresis_load_ratio = t.hysteresis_load_ratio
     p.hysteresis_length_rad = t.hysteresis_length_rad
-    p.backlash = switch.backlash and t.backlash_mm > 0.0
+    # Gears that close at one temperature have a gap at another.
+    p.backlash = switch.backlash and (t.backlash_mm > 0.0 or switch.thermal)
     # The gap between the flanks is b = backlash/R at the ring; the mesh takes half of it to either side (S1, S3).
     p.half_backlash_rad = (
         0.5 * t.backlash_mm * 1e-3 / machine.plant.gear_error.ring_radius_m if p.backlash else 0.0
@@ -155,6 +158,7 @@ def drive_params(machine: Machine) -> _core.DriveParams:
     p.brake_close_s = machine.brake.close_time_ms * 1e-3
     p.brake_open_s = machine.brake.open_time_ms * 1e-3
     p.delay_cycles = loop.delay_cycles
+    add_encoder_errors(p, machine)
     return p
 
 

@@ -31,6 +31,7 @@ from gantryctl.wiring import compensation
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.program import axis_settings
 from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params, sim_drive
+from gantryctl.wiring.teeth import pinion_deviations_um, ring_deviations_um
 
 DEG = 0.017453292519943295  # rad
 MS = 0.001
@@ -106,6 +107,35 @@ def ring(m: Machine) -> list[float]:
     )
 
 
+def ring_count(m: Machine) -> int:
+    return round(m.plant.gear_error.pinion_teeth * m.axis.ring_ratio)
+
+
+def ring_pitch(m: Machine) -> list[float]:
+    """The drawn teeth in um over the pitch radius."""
+    g, t = m.plant.gear_error, m.plant.tooth_pitch
+    module_mm = 2e3 * g.ring_radius_m / ring_count(m)
+    drawn = ring_deviations_um(ring_count(m), module_mm, t.ring_grade, t.seed)
+    return [um * t.scale * 1e-6 / g.ring_radius_m for um in drawn]
+
+
+def pinion_pitch(m: Machine) -> list[float]:
+    g, t = m.plant.gear_error, m.plant.tooth_pitch
+    module_mm = 2e3 * g.ring_radius_m / ring_count(m)
+    drawn = pinion_deviations_um(g.pinion_teeth, module_mm, t.pinion_grade, t.seed)
+    return [um * t.scale * 1e-6 / g.ring_radius_m for um in drawn]
+
+
+TEETH: Row = {"plant.ring_pitch_rad": ring_pitch, "plant.pinion_pitch_rad": pinion_pitch}
+
+
+def backlash_growth(m: Machine) -> float:
+    """Per kelvin: (R + r) alpha less that of the support, twice its tangent, half of it over R."""
+    t = m.plant.thermal
+    away = t.expansion_per_k * (1.0 - t.support_share) * (1.0 + 1.0 / m.axis.ring_ratio)
+    return -math.tan(t.pressure_angle_deg * DEG) * away
+
+
 def gusts(m: Machine) -> list[float]:
     return list(wind_waves(m.plant.wind).amplitude_nm)
 
@@ -174,7 +204,10 @@ ROWS: dict[str, Row] = {
         "plant.torque_1_nm": 1850.0,
         "plant.torque_2_nm": 6680.0,
         "plant.error_pinion_rad": pinion,
-    },
+        "plant.ring_teeth": ring_count,
+        "plant.half_backlash_rad_per_k": backlash_growth,
+    }
+    | TEETH,
     "speed.setting_min_deg_s": {"program.speed.setting_min_rad_s": DEG},
     "speed.setting_max_deg_s": {"program.speed.setting_max_rad_s": DEG},
     "speed.creep_deg_s": {"program.speed.creep_rad_s": DEG},
@@ -253,6 +286,7 @@ ROWS: dict[str, Row] = {
     "encoder.counts_per_turn": {"coarse.position_count_rad": lambda m: TWO_PI / m.encoder.counts_per_turn},
     "encoder.turns": {"program.law.turns": 1.0, "bus.turns": 1.0, "sim.turns": 1.0},
     "encoder.lines": {
+        "drive.encoder_lines": 1.0,
         "drive.speed_count_rad": quantum,
         "drive.position_count_rad": quantum,
         "sim.counts_per_turn": 2048.0,
@@ -406,8 +440,40 @@ ROWS: dict[str, Row] = {
         "plant.error_ring_rad": ring,
         "plant.error_pinion_rad": pinion,
         "plant.error_mesh_rad": mesh,
-    },
-    "plant.gear_error.pinion_teeth": {"plant.pinion_teeth": 1.0},
+    }
+    | TEETH,
+    "plant.gear_error.pinion_teeth": {"plant.pinion_teeth": 1.0, "plant.ring_teeth": ring_count} | TEETH,
+    "plant.tooth_pitch.ring_grade": {"plant.ring_pitch_rad": ring_pitch},
+    "plant.tooth_pitch.pinion_grade": {"plant.pinion_pitch_rad": pinion_pitch},
+    "plant.tooth_pitch.scale": TEETH,
+    "plant.tooth_pitch.contact_ratio": {"plant.contact_ratio": 1.0},
+    "plant.tooth_pitch.seed": TEETH,
+    "plant.thermal.gears_start_k": {"plant.gear_temp_start_k": 1.0},
+    "plant.thermal.gears_end_k": {"plant.gear_temp_end_k": 1.0},
+    "plant.thermal.gears_time_s": {"plant.gear_temp_time_s": 1.0},
+    "plant.thermal.motor_start_k": {"plant.motor_temp_start_k": 1.0},
+    "plant.thermal.motor_end_k": {"plant.motor_temp_end_k": 1.0},
+    "plant.thermal.motor_time_s": {"plant.motor_temp_time_s": 1.0},
+    "plant.thermal.expansion_per_k": {"plant.half_backlash_rad_per_k": backlash_growth},
+    "plant.thermal.support_share": {"plant.half_backlash_rad_per_k": backlash_growth},
+    "plant.thermal.pressure_angle_deg": {"plant.half_backlash_rad_per_k": backlash_growth},
+    "plant.thermal.viscosity_per_k": {"plant.viscosity_per_k": 1.0},
+    "plant.thermal.torque_constant_per_k": {"plant.torque_constant_per_k": 1.0},
+    "plant.ageing.roller_nm": {"plant.roller_ageing_nm": 1.0},
+    "plant.ageing.roller_time_s": {"plant.roller_ageing_time_s": 1.0},
+    "plant.ageing.roller_length_rad": {"plant.roller_ageing_length_rad": 1.0},
+    "plant.ageing.motor_nm": {"plant.motor_ageing_nm": 1.0},
+    "plant.ageing.motor_time_s": {"plant.motor_ageing_time_s": 1.0},
+    "plant.ageing.motor_length_rad": {"plant.motor_ageing_length_rad": 1.0},
+    "plant.cable.moment_nm": {"plant.cable_moment_nm": 1.0},
+    "plant.cable.moment_1_nm_per_rad": {"plant.cable_moment_1_nm": 1.0},
+    "plant.cable.moment_2_nm_per_rad2": {"plant.cable_moment_2_nm": 1.0},
+    "plant.cable.moment_3_nm_per_rad3": {"plant.cable_moment_3_nm": 1.0},
+    "plant.cable.friction_nm": {"plant.cable_friction_nm": 1.0},
+    "plant.cable.presliding_deg": {"plant.cable_presliding_rad": DEG},
+    "plant.motor.cogging_torque_nm": {"plant.cogging_torque_nm": 1.0},
+    "plant.motor.cogging_order": {"plant.cogging_order": 1.0},
+    "plant.motor.cogging_phase_rad": {"plant.cogging_phase_rad": 1.0},
     "plant.gear_error.ring_um": {"plant.error_ring_rad": ring},
     "plant.gear_error.reducer_2x_rad": {"plant.error_reducer_2x_rad": reducer("reducer_2x_rad")},
     "plant.gear_error.reducer_1x_rad": {"plant.error_reducer_1x_rad": reducer("reducer_1x_rad")},
@@ -461,7 +527,22 @@ ROWS: dict[str, Row] = {
     "plant.brake.torque_share": {"plant.brake_torque_nm": brake_torque},
     "plant.encoder.latency_us": {"drive.latency_s": US},
     "plant.encoder.mounting_turns": {"sim.count_offset": 2048.0 * 2048.0},
+    "plant.encoder.interpolation_1x_rad": {"drive.encoder_error_1x_rad": 1.0},
+    "plant.encoder.interpolation_2x_rad": {"drive.encoder_error_2x_rad": 1.0},
+    "plant.encoder.eccentricity_rad": {"drive.encoder_eccentricity_rad": 1.0},
+    "plant.encoder.eccentricity_phase_rad": {"drive.encoder_eccentricity_phase_rad": 1.0},
     "plant.encoder.serial": {"sim.serial": lambda m: m.plant.encoder.serial},
+    "plant.switches.tooth_pitch": {
+        "plant.tooth_pitch": 1.0,
+        "plant.ring_teeth": lambda _: 0,
+        "plant.ring_pitch_rad": lambda _: [],
+        "plant.pinion_pitch_rad": lambda _: [],
+    },
+    "plant.switches.thermal": {"plant.thermal": 1.0},
+    "plant.switches.ageing": {"plant.ageing": 1.0},
+    "plant.switches.cogging": {"plant.cogging": 1.0},
+    "plant.switches.encoder_errors": {"drive.encoder_errors": 1.0},
+    "plant.switches.cable": {"plant.cable": 1.0},
     "plant.switches.gear_error": {"plant.gear_error": 1.0},
     "plant.switches.backlash": {"plant.backlash": 1.0, "plant.half_backlash_rad": lambda _: 0.0},
     "plant.switches.hysteresis": {"plant.hysteresis": 1.0},
@@ -471,7 +552,14 @@ ROWS: dict[str, Row] = {
     "plant.switches.base": {"plant.base": 1.0},
     "plant.switches.torque_ripple": {"plant.ripple": 1.0},
     "plant.switches.three_slopes": {"plant.stiffness_2_nm_per_rad": K1, "plant.stiffness_3_nm_per_rad": K1},
-    "plant.switches.rigid": {"plant.rigid": 1.0, "plant.gear_error": lambda _: False},
+    "plant.switches.rigid": {
+        "plant.rigid": 1.0,
+        "plant.gear_error": lambda _: False,
+        "plant.tooth_pitch": lambda _: False,
+        "plant.ring_teeth": lambda _: 0,
+        "plant.ring_pitch_rad": lambda _: [],
+        "plant.pinion_pitch_rad": lambda _: [],
+    },
 }  # fmt: skip
 
 # Keys that no setting of program, drive or plant holds, and who reads them.
@@ -548,6 +636,18 @@ CHANGED: dict[str, Any] = {
     "monitors.door_reaction": "quick_stop",
     "plant.integration.scheme": "rk4",
     "plant.load.eccentric_angle_deg": 3.0,
+    **dict.fromkeys(
+        [
+            *(f"plant.thermal.{part}_{when}_k" for part in ("gears", "motor") for when in ("start", "end")),
+            "plant.thermal.support_share",
+            "plant.motor.cogging_phase_rad",
+            "plant.cable.moment_nm",
+            "plant.cable.moment_2_nm_per_rad2",
+            "plant.cable.moment_3_nm_per_rad3",
+            "plant.encoder.eccentricity_phase_rad",
+        ],
+        0.5,
+    ),
     "plant.load.eccentric_sign": 1.0,
     "plant.encoder.serial": "SIM-0002",
     "control.compensation.latency_us": 70.0,
@@ -588,6 +688,8 @@ def another(path: str, value: Any) -> Any:
 MACHINE = with_key(with_key(default_machine(), "drive.kind", "canopen"), "can.interface", "socketcan")
 # In some wind.
 MACHINE = with_key(MACHINE, "plant.wind.moment_nm", 5000.0)
+# With single teeth: they are drawn only where they are there.
+MACHINE = with_key(MACHINE, "plant.switches.tooth_pitch", True)
 # With nodes beside the drive.
 MACHINE = with_key(with_key(MACHINE, "can.io.node", 3), "can.load_encoder.source", "node")
 

@@ -1,8 +1,6 @@
 """Gear errors of a draft: ISO 1328-1 gives their size by grade, module and diameter; their phases are drawn.
 
-ISO 1328-1:1995 gives, in um for grade 5 and times sqrt(2) a grade, with the module m and the pitch diameter d in mm:
-total cumulative pitch deviation F_p = 0.3 m + 1.25 sqrt(d) + 7, single pitch deviation
-f_pt = 0.3 (m + 0.4 sqrt(d)) + 4, and run-out F_r = 0.8 F_p.
+The formulas of F_p and f_pt are in `wiring.teeth`; run-out is F_r = 0.8 F_p.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ import numpy as np
 from gantryctl.engineering.drafting.basis import Basis
 from gantryctl.engineering.drafting.origin import Values, guessed, significant
 from gantryctl.machine.tables.plant import PHASES, RING_HARMONICS
+from gantryctl.wiring.teeth import pitch_deviation_um, single_pitch_um
 
 # A pinion is ground where its ring is milled: one grade better.
 _PINION_BETTER: Final = 1.0
@@ -28,20 +27,6 @@ _REDUCER_RAD: Final = {
     "reducer_4x_rad": 1e-5,
     "output_1x_rad": 9e-5,
 }
-
-
-def pitch_deviation_um(module_mm: float, diameter_mm: float, grade: float) -> float:
-    """F_p: total cumulative pitch deviation, peak to peak over the turn."""
-    return (0.3 * module_mm + 1.25 * math.sqrt(diameter_mm) + 7.0) * _grade(grade)
-
-
-def single_pitch_um(module_mm: float, diameter_mm: float, grade: float) -> float:
-    """f_pt: single pitch deviation."""
-    return (0.3 * (module_mm + 0.4 * math.sqrt(diameter_mm)) + 4.0) * _grade(grade)
-
-
-def _grade(grade: float) -> float:
-    return math.pow(2.0, 0.5 * (grade - 5.0))
 
 
 def gear_error_values(basis: Basis) -> Values:

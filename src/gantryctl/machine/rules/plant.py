@@ -204,6 +204,82 @@ def ring_has_whole_teeth(m: Machine) -> Broken:
     return f"gives a ring of {teeth:.6g} teeth, must be a whole number"
 
 
+# --- effects beyond the reference machine ---------------------------------------------------------------------
+# What the core has room for, and what ISO 1328-1 is about.
+_RING_TEETH = (24, 1024)
+_PINION_TEETH = (5, 128)
+
+
+@rule("plant.gear_error.pinion_teeth", "axis.ring_ratio", "plant.switches.tooth_pitch")
+def single_teeth_can_be_drawn(m: Machine) -> Broken:
+    """Single teeth are those of a pinion of 5 to 128 and a ring of 24 to 1024 teeth."""
+    pinion = m.plant.gear_error.pinion_teeth
+    ring = round(pinion * m.axis.ring_ratio)
+    if not m.plant.switches.tooth_pitch or (
+        _PINION_TEETH[0] <= pinion <= _PINION_TEETH[1] and _RING_TEETH[0] <= ring <= _RING_TEETH[1]
+    ):
+        return None
+    return f"gives {pinion} and {ring} teeth, allowed 5..128 and 24..1024 with tooth_pitch"
+
+
+@rule(
+    "plant.thermal.motor_start_k", "plant.thermal.motor_end_k", "plant.thermal.torque_constant_per_k",
+    "plant.switches.thermal",
+)  # fmt: skip
+def warm_motor_has_torque(m: Machine) -> Broken:
+    """Temperature leaves the motor at least half of its torque per current."""
+    t = m.plant.thermal
+    if not m.plant.switches.thermal:
+        return None
+    least = min(1.0 + t.torque_constant_per_k * each for each in (t.motor_start_k, t.motor_end_k))
+    return at_least(least, 0.5, "half of the torque per current")
+
+
+@rule(
+    "motor.torque_max_nm", *RATIO, "plant.load.mass_kg", "plant.load.eccentricity_m",
+    "plant.roller_friction.breakaway_nm", "plant.motor_friction.breakaway_nm", "plant.ageing.roller_nm",
+    "plant.ageing.motor_nm", "plant.switches.ageing",
+)  # fmt: skip
+def motor_breaks_away_after_rest(m: Machine) -> Broken:
+    """The torque limit starts the axis after a long rest, against grown breakaway and the nominal eccentric moment."""
+    if not m.plant.switches.ageing:
+        return None
+    rollers = m.plant.roller_friction.breakaway_nm + m.plant.ageing.roller_nm
+    motor = m.plant.motor_friction.breakaway_nm + m.plant.ageing.motor_nm
+    need = (m.plant.load.eccentric_moment_nm + rollers) / m.axis.ratio + motor
+    return at_least(m.motor.torque_max_nm, need, "breakaway after rest and nominal eccentric moment")
+
+
+@rule("plant.motor.cogging_torque_nm", "motor.torque_rated_nm", "plant.switches.cogging")
+def cogging_is_credible(m: Machine) -> Broken:
+    """The cogging torque is at most a fifth of the rated torque."""
+    if not m.plant.switches.cogging:
+        return None
+    most = 0.2 * m.motor.torque_rated_nm
+    return at_most(m.plant.motor.cogging_torque_nm, most, "a fifth of the rated torque")
+
+
+@rule(
+    "plant.encoder.interpolation_1x_rad", "plant.encoder.interpolation_2x_rad", "encoder.lines",
+    "plant.switches.encoder_errors",
+)  # fmt: skip
+def encoder_reading_grows(m: Machine) -> Broken:
+    """The encoder's reading grows with the angle: lines x (error 1x + 2 x error 2x) is at most 0.5."""
+    if not m.plant.switches.encoder_errors:
+        return None
+    e = m.plant.encoder
+    steepest = m.encoder.lines * (e.interpolation_1x_rad + 2.0 * e.interpolation_2x_rad)
+    return at_most(steepest, 0.5, "or the reading runs backwards within a signal period")
+
+
+@rule("axis.kind", "plant.switches.cable")
+def cables_have_ends(m: Machine) -> Broken:
+    """An axis without ends has no cable chain."""
+    if not (m.axis.modulo and m.plant.switches.cable):
+        return None
+    return 'must be "linear": [plant.switches] cable is on, and a cable chain does not go round'
+
+
 # --- encoders -----------------------------------------------------------------------------------------------
 @linear_rule("plant.encoder.mounting_turns", *RATIO, "axis.pos_min_deg", "encoder.wrap_margin_min_deg")
 def wrap_below_travel(m: Machine) -> Broken:
@@ -288,6 +364,27 @@ def step_follows_roller_friction(m: Machine) -> Broken:
     """The drive cycle follows the roller friction before it slides."""
     stiffness = m.plant.roller_friction.coulomb_nm / m.plant.roller_friction.presliding_rad
     return _follows(m, stiffness, m.plant.load.inertia_kg_m2, "the roller friction")
+
+
+@rule(
+    CYCLE, "plant.cable.friction_nm", "plant.cable.presliding_deg", "plant.load.inertia_kg_m2",
+    "plant.switches.cable",
+)  # fmt: skip
+def step_follows_cables(m: Machine) -> Broken:
+    """The drive cycle follows the cable chain before it slides."""
+    if not m.plant.switches.cable:
+        return None
+    stiffness = m.plant.cable.friction_nm / rad(m.plant.cable.presliding_deg)
+    return _follows(m, stiffness, m.plant.load.inertia_kg_m2, "the cable chain")
+
+
+@rule(CYCLE, "plant.motor.cogging_order", "speed.drive_ceiling_deg_s", *RATIO, "plant.switches.cogging")
+def step_follows_cogging(m: Machine) -> Broken:
+    """A drive cycle passes at most a quarter of a period of the cogging, at the drive's highest speed."""
+    if not m.plant.switches.cogging:
+        return None
+    per_s = m.plant.motor.cogging_order * m.speed.drive_ceiling_deg_s / 360.0 * m.axis.ratio
+    return at_most(m.drive.speed_loop.cycle_us, 0.25e6 / per_s, "a quarter of a period of the cogging")
 
 
 @rule(CYCLE, "brake.torque_nm", "plant.brake.presliding_rad", *ROTOR)

@@ -68,6 +68,11 @@ class PlantMotorTable(Table):
     torque_ripple_order: int = number(
         12, 1, 1000, "Ripple periods per motor turn.", "estimate", unit="1/turn"
     )
+    # 1 % of the rated torque: slots not skewed by a full pitch (Hendershot, Miller 2010).
+    cogging_torque_nm: float = number(2.6, 0.0, 1e5, "Amplitude of the cogging torque.", "estimate")
+    # Smallest common multiple of 36 slots and 8 poles.
+    cogging_order: int = number(72, 1, 1000, "Cogging periods per motor turn.", "estimate", unit="1/turn")
+    cogging_phase_rad: float = number(0.0, -6.3, 6.3, "Phase of the cogging at motor angle 0.")
 
 
 class TransmissionTable(Table):
@@ -135,6 +140,76 @@ class GearErrorTable(Table):
         "The defaults are fitted to the paper's table 2, not predicted.",
         "calibrated",
     )
+
+
+class ToothPitchTable(Table):
+    """[plant.tooth_pitch]: pitch deviations of single teeth; [plant.switches] tooth_pitch puts them there."""
+
+    ring_grade: float = number(
+        8.0, 1.0, 12.0, "Accuracy grade of the ring's teeth by ISO 1328-1.", "standard"
+    )
+    # Ground, where the ring is milled.
+    pinion_grade: float = number(7.0, 1.0, 12.0, "Accuracy grade of the pinion's teeth.", "standard")
+    # 1 is the worst gear that still passes: its largest single pitch deviation is f_pt, or its F_p the permitted one.
+    scale: float = number(
+        1.0, 0.0, 20.0, "Factor on all deviations; 1 = the limits of the grades are reached."
+    )
+    # Spur gears of 26 and 338 teeth, pressure angle 20 deg.
+    contact_ratio: float = number(1.78, 1.05, 2.0, "Tooth pairs in mesh on average.", "derived")
+    seed: int = number(1, 0, 2**31 - 1, "Seed of the deviations: another is another pair of gears.")
+
+
+class ThermalTable(Table):
+    """[plant.thermal]: temperatures above those of alignment; [plant.switches] thermal lets them act."""
+
+    gears_start_k: float = number(0.0, -40.0, 60.0, "Of ring and pinion, at the start.")
+    gears_end_k: float = number(0.0, -40.0, 60.0, "The same in the end.")
+    # 20 t of steel with 8 W/(m2 K) over 30 m2.
+    gears_time_s: float = number(36000.0, 1.0, 1e7, "Time constant of the gears.", "estimate")
+    motor_start_k: float = number(0.0, -40.0, 140.0, "Of the motor, at the start.")
+    motor_end_k: float = number(0.0, -40.0, 140.0, "The same in the end.")
+    motor_time_s: float = number(1800.0, 1.0, 1e6, "Time constant of the motor.", "estimate")
+    expansion_per_k: float = number(1.15e-5, 0.0, 3e-5, "Expansion of the gears: steel.", "standard")
+    support_share: float = number(
+        0.0,
+        0.0,
+        1.0,
+        "Part of it that the support makes too; 0 = it keeps its size, 1 = the gap stays.",
+        "estimate",
+    )
+    pressure_angle_deg: float = number(20.0, 10.0, 30.0, "Pressure angle of the teeth.", "standard")
+    # Mineral gear oil ISO VG 220 falls from 220 mm2/s at 40 degC to half of it within 14 K (ISO 3448, ASTM D341).
+    viscosity_per_k: float = number(-0.05, -0.2, 0.0, "Exponent of viscous friction.", "standard")
+    # Remanence of NdFeB; SmCo has -0.0004, ferrite -0.002 (MMPA standard 0100-00).
+    torque_constant_per_k: float = number(
+        -0.001, -0.01, 0.01, "Growth of the motor's torque per current.", "standard"
+    )
+
+
+class AgeingTable(Table):
+    """[plant.ageing]: breakaway that grows while contacts rest; [plant.switches] ageing lets it."""
+
+    roller_nm: float = number(
+        1500.0, 0.0, 1e8, "Growth of the rollers' breakaway after a long rest.", "estimate"
+    )
+    roller_time_s: float = number(10.0, 1e-3, 1e6, "Time constant of it.", "estimate")
+    # 0.24 mm at the rim: the width of a rolling contact.
+    roller_length_rad: float = number(1.0e-4, 1e-9, 1.0, "Sliding angle after which it is lost.", "estimate")
+    motor_nm: float = number(2.0, 0.0, 1e5, "The same of the motor, at its shaft.", "estimate")
+    motor_time_s: float = number(10.0, 1e-3, 1e6, "Time constant of it.", "estimate")
+    motor_length_rad: float = number(0.05, 1e-7, 100.0, "Sliding angle after which it is lost.", "estimate")
+
+
+class CableTable(Table):
+    """[plant.cable]: moment of the cable chain on the load; [plant.switches] cable puts it there."""
+
+    moment_nm: float = number(0.0, -1e8, 1e8, "At 0 deg of the axis.", "estimate")
+    # 150 kg/m of cables wound on and off a drum of 2.5 m: some kN m over the travel.
+    moment_1_nm_per_rad: float = number(-800.0, -1e9, 1e9, "Growth with the angle.", "estimate")
+    moment_2_nm_per_rad2: float = number(0.0, -1e9, 1e9, "With its square.", "estimate")
+    moment_3_nm_per_rad3: float = number(0.0, -1e9, 1e9, "With its cube.", "estimate")
+    friction_nm: float = number(600.0, 0.0, 1e8, "Half width of the hysteresis.", "estimate")
+    presliding_deg: float = number(0.5, 1e-4, 20.0, "Angle over which it turns over.", "estimate")
 
 
 class RollerFrictionTable(Table):
@@ -214,6 +289,12 @@ class PlantEncoderTable(Table):
     latency_us: float = number(62.5, 0.0, 2000.0, "Age of the angle when it is read.", "estimate")
     mounting_turns: int = number(2048, 0, 2**24, "Encoder turns at 0 deg of the axis.")
     serial: str = text("SIM-0001", 40, "Serial number the simulated encoder reports.")
+    # 1 % of a signal period of 2048 lines, half and half (Heidenhain, encoders for servo drives).
+    interpolation_1x_rad: float = number(1.5e-5, 0.0, 1e-2, "Error once per signal period.", "catalogue")
+    interpolation_2x_rad: float = number(1.5e-5, 0.0, 1e-2, "Error twice per signal period.", "catalogue")
+    # System accuracy of 20 arcsec.
+    eccentricity_rad: float = number(8.0e-5, 0.0, 0.02, "Error once per motor turn.", "catalogue")
+    eccentricity_phase_rad: float = number(0.0, -6.3, 6.3, "Phase of it at motor angle 0.")
 
 
 SCALE_TERMS: Final = ((2.0, 1.0, 1.0), (5.0, 0.6, 2.0), (37.0, 0.4, 3.0))
@@ -243,6 +324,12 @@ class SwitchesTable(Table):
     base: bool = switch(True, "Rocking base.")
     torque_ripple: bool = switch(True, "Torque ripple of the motor.")
     wind: bool = switch(False, "Moment of the wind.")
+    tooth_pitch: bool = switch(False, "Pitch deviations of single teeth.")
+    thermal: bool = switch(False, "Temperatures: backlash, viscous friction, torque of the motor.")
+    ageing: bool = switch(False, "Breakaway that grows at rest.")
+    cogging: bool = switch(False, "Cogging torque of the motor.")
+    encoder_errors: bool = switch(False, "Errors of the motor encoder.")
+    cable: bool = switch(False, "Moment of the cable chain.")
     three_slopes: bool = switch(True, "Three slopes of the reducer; false = the first slope only.")
     rigid: bool = switch(False, "One inertia without any compliance.")
 
@@ -294,6 +381,10 @@ class PlantTable(Table):
     motor_friction: MotorFrictionTable = table("Motor and reducer input.", MotorFrictionTable)
     base: BaseTable = table("Rocking base.", BaseTable)
     wind: WindTable = table("Moment of the wind.", WindTable)
+    tooth_pitch: ToothPitchTable = table("Single teeth.", ToothPitchTable)
+    thermal: ThermalTable = table("Temperatures.", ThermalTable)
+    ageing: AgeingTable = table("Breakaway after rest.", AgeingTable)
+    cable: CableTable = table("Cable chain.", CableTable)
     brake: PlantBrakeTable = table("Brake lining.", PlantBrakeTable)
     encoder: PlantEncoderTable = table("Mounting of the motor encoder.", PlantEncoderTable)
     load_encoder: LoadEncoderTable = table("Encoder on the ring.", LoadEncoderTable)
