@@ -172,7 +172,10 @@ class Service:
 
         Who does not read for ten seconds is ended, unless `queue`, the messages that wait, has no limit.
         """
-        cookie = self.log_in(user)
+        return self.page_of(self.log_in(user), source, queue)
+
+    def page_of(self, cookie: str, source: str = "127.0.0.1", queue: int | None = 16) -> Page:
+        """A page of a session."""
         host, port = self.address.split(":")
         return Page(
             connect(

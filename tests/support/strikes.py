@@ -1,7 +1,8 @@
 """Each process of a service is frozen for a time or killed, at rest, in a jog and in a move: what the axis does then.
 
 `python -m support.strikes ROOT` strikes the virtual gantry, with `can` behind it a virtual drive on a CAN bus over
-multicast, for which it needs a network namespace of its own; names of processes strike those only. Prints JSON.
+multicast, for which it needs a network namespace of its own; names of processes strike those only, and `kills` kills
+only. Prints JSON.
 """
 
 from __future__ import annotations
@@ -338,13 +339,15 @@ def _ended(process: subprocess.Popen[str]) -> None:
     process.communicate(timeout=60)
 
 
-def strikes(root: Path, can: bool, victims: Sequence[str] = VICTIMS) -> dict[str, Any]:
+def strikes(
+    root: Path, can: bool, victims: Sequence[str] = VICTIMS, times_s: Sequence[float] = FROZEN_S
+) -> dict[str, Any]:
     """All strikes, and what the journal looks like afterwards."""
     runs = []
     with machine_to_strike(root, can) as struck:
         for victim in victims:
             for state in STATES:
-                for frozen_s in FROZEN_S:
+                for frozen_s in times_s:
                     runs.append(struck.strike(Strike(victim, state, frozen_s)))
                     sys.stderr.write(f"{json.dumps(runs[-1])}\n")
         directory = struck.service.directory
@@ -360,4 +363,5 @@ def strikes(root: Path, can: bool, victims: Sequence[str] = VICTIMS) -> dict[str
 if __name__ == "__main__":
     asked = sys.argv[2:]
     named = [victim for victim in VICTIMS if victim in asked]
-    print(json.dumps(strikes(Path(sys.argv[1]), "can" in asked, named or VICTIMS)))
+    times_s = (KILL,) if "kills" in asked else FROZEN_S
+    print(json.dumps(strikes(Path(sys.argv[1]), "can" in asked, named or VICTIMS, times_s)))

@@ -135,8 +135,9 @@ def kills(directory: Path, count: int) -> dict[str, object]:
     for _ in range(count):
         process = subprocess.Popen(command, pass_fds=(memory.handle,))
         started = memory.events[2].done
-        until_s = time.monotonic() + 30.0
-        while memory.events[2].done == started and time.monotonic() < until_s:
+        # However long that takes: a kill before the first commit of a process would show nothing.
+        while memory.events[2].done == started:
+            assert process.poll() is None, "the recorder has ended by itself"
             # A busy computer takes longer to start a process than the ring has room for.
             if len(memory.events[2]) < memory.events[2].slots // 2:
                 written += 1
@@ -150,16 +151,18 @@ def kills(directory: Path, count: int) -> dict[str, object]:
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
         acknowledged = memory.events[2].done
-        rows = read_journal(directory, limit=1_000_000)
-        assert len(rows) >= acknowledged, "an acknowledged event is lost"
+        # The newest event is enough here: that none before it is missing is judged at the end.
+        (newest,) = read_journal(directory, limit=1, newest=True)
+        assert int(newest.values["text"].split()[1]) >= acknowledged, "an acknowledged event is lost"
     process = subprocess.Popen(command, pass_fds=(memory.handle,))
     # One more event: when it is kept, this process has begun, and knows what SIGTERM means.
     written += 1
     assert log.put("command", f"event {written} " + "x" * 200)
     while memory.events[2].done < written:
+        assert process.poll() is None, "the recorder has ended by itself"
         time.sleep(0.01)
     process.terminate()
-    assert process.wait(30) == 0
+    assert process.wait() == 0
     texts = [row.values["text"].split()[1] for row in read_journal(directory, limit=1_000_000)]
     assert texts == [str(n) for n in range(1, written + 1)], "in order, each once"
     verdict = verify(directory)
@@ -171,6 +174,7 @@ def kills(directory: Path, count: int) -> dict[str, object]:
         "kills_with_events_under_way": kills_in_work,
         "lost": 0,
         "intact": True,
+        "load_average": os.getloadavg(),
     }
 
 
@@ -179,6 +183,6 @@ def test_a_killed_recorder_loses_nothing_and_keeps_nothing_twice(tmp_path: Path)
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(7200)
 def test_two_hundred_kills_of_the_recorder(tmp_path: Path, evidence: Evidence) -> None:
     evidence("journal_kills", kills(tmp_path / "state" / "machine", 200))

@@ -14,7 +14,7 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Match, Route, WebSocketRoute
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 from gantryctl.gateway.access import Access
 from gantryctl.gateway.guard import Guard, error
@@ -32,7 +32,7 @@ from gantryctl.service.clients.samples import Samples
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 
 
-def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None) -> ASGIApp:
+def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None) -> Guard:
     """The ASGI application; its hub runs for as long as the application does."""
     hub = Hub(memory, Source.WEB)
     access = Access(settings, hub, LinkTaker(memory.words))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -34,6 +35,7 @@ CSP: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "font-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+_COOKIES: Final = re.compile(rb"\r\ncookie:([^\r\n]*)", re.IGNORECASE)
 _HEADERS: Final = {
     "content-security-policy": CSP,
     "x-content-type-options": "nosniff",
@@ -79,6 +81,14 @@ class Guard:
             await deny(scope, receive, send, refused)
         else:
             await self._app(scope, _limited(receive), self._with_headers(send))
+
+    def session_of(self, head: bytes) -> str:
+        """Key of the living session that the first bytes of a connection name, "" for none."""
+        found = _COOKIES.search(head)
+        if found is None:
+            return ""
+        session = self._session(HTTPConnection({"type": "http", "headers": [(b"cookie", found[1])]}))
+        return "" if session is None else f"session {session.token}"
 
     def _refuse(self, scope: Scope) -> Response | None:
         headers = dict(scope["headers"])

@@ -49,11 +49,18 @@ class Live:
             return
         try:
             await socket.accept()
-            await self._run(socket, session)
+            code = await self._run(socket, session)
         finally:
+            # Not after the close, for which the other end may take its time: its user may connect again at once, and
+            # with the places of those that are being closed one user would have all of them.
             place.leave()
+        # The other end may be gone already, or take nothing more.
+        if code is not None:
+            with contextlib.suppress(RuntimeError, asyncio.TimeoutError, WebSocketDisconnect, OSError):
+                await asyncio.wait_for(socket.close(code), 1.0)
 
-    async def _run(self, socket: WebSocket, session: Session) -> None:
+    async def _run(self, socket: WebSocket, session: Session) -> int | None:
+        """Both directions, until one of them ends; the close code, None when the other end has closed."""
         client = self._hub.connect(session.user, session.role, self._access.place(socket), session.person)
         self._log(client, "connected")
         both_ways = (self._receive(socket, client), self._send(socket, client, session))
@@ -68,10 +75,7 @@ class Live:
             self._log(client, "disconnected")
             # Nothing else holds them: one that is still on its way out would be taken apart by the garbage collector.
             await asyncio.gather(*tasks, return_exceptions=True)
-        # The other end may be gone already, or take nothing more.
-        if code is not None:
-            with contextlib.suppress(RuntimeError, asyncio.TimeoutError, WebSocketDisconnect, OSError):
-                await asyncio.wait_for(socket.close(code), 1.0)
+        return code
 
     async def _receive(self, socket: WebSocket, client: Client) -> int | None:
         """Commands in; the close code, None when the other end has closed."""
@@ -86,6 +90,8 @@ class Live:
                 client.take(text)
             except Flooded:
                 return TOO_MANY
+            # What is there already is taken without a turn of the loop: a flood would hold up the Stop of another one.
+            await asyncio.sleep(0)
 
     async def _send(self, socket: WebSocket, client: Client, session: Session) -> int | None:
         """Status and replies out; the close code."""

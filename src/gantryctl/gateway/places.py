@@ -1,9 +1,14 @@
-"""Places for connections, limited for each address and in all."""
+"""Places for connections, limited for each address and in all, and the room in which connections wait for one."""
 
 from __future__ import annotations
 
+import socket
+import time
+from collections import OrderedDict, deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from itertools import count
+from typing import NamedTuple
 
 from gantryctl.gateway.settings import is_loopback, neighbourhood
 
@@ -85,3 +90,74 @@ def _make_room(places: list[Place]) -> bool:
         return False
     min(idle, key=lambda place: place.idle or 0).end()
     return True
+
+
+class Arrival(NamedTuple):
+    """A connection, the address at its other end, and since when it waits."""
+
+    connection: socket.socket
+    address: str
+    since_s: float
+
+
+@dataclass
+class _Party:
+    waiting: deque[Arrival] = field(default_factory=deque)
+    newest: bool = False
+
+
+class Waiting:
+    """Connections by party: a session, a user of this machine, or a remote address.
+
+    Parties take turns, so that a crowd of one delays nobody else. Of one party the newest and the oldest are next in
+    turn: whoever comes once need not wait behind the whole crowd, and nobody waits without end.
+
+    Args:
+        most: connections of all parties; beyond it the oldest of the party that has most is ended.
+        patience_s: who has waited for longer is ended.
+        now: the monotonic time, s.
+    """
+
+    def __init__(self, most: int, patience_s: float, now: Callable[[], float] = time.monotonic) -> None:
+        self._most, self._patience_s, self._now = most, patience_s, now
+        self._parties: OrderedDict[str, _Party] = OrderedDict()
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, connection: socket.socket, address: str, party: str) -> None:
+        """Let one wait."""
+        own = self._parties.setdefault(party, _Party())
+        own.waiting.append(Arrival(connection, address, self._now()))
+        self._count += 1
+        if self._count > self._most:
+            self._end_oldest(max(self._parties, key=lambda each: len(self._parties[each].waiting)))
+
+    def next(self) -> Arrival | None:
+        """Whose turn it is, or None when nobody waits."""
+        while self._parties:
+            party, own = next(iter(self._parties.items()))
+            if self._now() - own.waiting[0].since_s > self._patience_s:
+                self._end_oldest(party)
+                continue
+            own.newest = not own.newest
+            found = own.waiting.pop() if own.newest else own.waiting.popleft()
+            self._count -= 1
+            self._parties.move_to_end(party)
+            if not own.waiting:
+                del self._parties[party]
+            return found
+        return None
+
+    def close(self) -> None:
+        """End them all."""
+        while self._parties:
+            self._end_oldest(next(iter(self._parties)))
+
+    def _end_oldest(self, party: str) -> None:
+        own = self._parties[party]
+        own.waiting.popleft().connection.close()
+        self._count -= 1
+        if not own.waiting:
+            del self._parties[party]

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import resource
 import socket
+from collections.abc import Callable
 from typing import Any, Final
 
 import h11
@@ -14,6 +15,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from gantryctl.gateway.door import WAITING, Door
+from gantryctl.gateway.guard import Guard
 from gantryctl.gateway.places import Place
 from gantryctl.gateway.settings import HEADER_S, STUCK_S, Settings
 from gantryctl.service.protocol.limits import MESSAGE_MAX
@@ -44,6 +46,10 @@ class PatientProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """A new connection; closed when it asks for nothing in time."""
         super().connection_made(transport)
+        # asyncio reads up to 256 KiB at once: thousands of small frames of a WebSocket, all of them before anybody
+        # else has a turn.
+        read: Any = transport
+        read.max_size = MESSAGE_MAX
         self._watch()
 
     def data_received(self, data: bytes) -> None:
@@ -142,12 +148,12 @@ class QuietWebSocket(WebSocketsSansIOProtocol):
             self.handshake_complete = True
 
 
-def run_server(app: Any, settings: Settings) -> None:
+def run_server(app: Guard, settings: Settings) -> None:
     """Serve on the listening socket of the supervisor until the end signal."""
     # The supervisor keeps the socket: a gateway that restarts misses no connection (decision 0011).
     raise_handles()
     listener = socket.socket(fileno=settings.listener)
-    asyncio.run(make_server(app, settings).serve(sockets=[listener]))
+    asyncio.run(make_server(app, settings, app.session_of).serve(sockets=[listener]))
 
 
 def raise_handles() -> None:
@@ -158,8 +164,8 @@ def raise_handles() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
-def make_server(app: Any, settings: Settings) -> Door:
-    """Configure the server with all its limits."""
+def make_server(app: Any, settings: Settings, session_of: Callable[[bytes], str] = lambda _: "") -> Door:
+    """Configure the server with all its limits; `session_of` see `Door`."""
     config = uvicorn.Config(
         app,
         http=PatientProtocol,
@@ -181,4 +187,4 @@ def make_server(app: Any, settings: Settings) -> Door:
         log_level="warning",
         lifespan="on",
     )
-    return Door(config)
+    return Door(config, session_of)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from support.new_page import open_page
 from support.service_process import Service
 
 CHILDREN = ("controller", "recorder", "gateway", "gateway.opcua")
@@ -28,7 +30,9 @@ class Record:
     """What was seen.
 
     Attributes:
-        stops_s: time from Stop in motion to its reply. first_mb, last_mb, most_mb: resident memory by process.
+        stops_s: time from Stop in motion to its reply.
+        new_pages_s: time until somebody who comes now has the first picture. asked_again: requests that took two tries.
+        first_mb, last_mb, most_mb: resident memory by process.
     """
 
     stops_s: list[float] = field(default_factory=list)
@@ -37,6 +41,7 @@ class Record:
     most_mb: dict[str, float] = field(default_factory=dict)
     scans_hz: list[float] = field(default_factory=list)
     new_pages_s: list[float] = field(default_factory=list)
+    asked_again: int = 0
     faults: list[str] = field(default_factory=list)
 
 
@@ -45,12 +50,16 @@ class Judge:
 
     Args:
         calm: set while the axis is moved for a Stop: hostile clients send no stop of their own then.
+        children: processes of the service that are looked at.
+        session: of a browser that opens the page again; without it each new page logs in.
     """
 
-    def __init__(self, service: Service, calm: threading.Event) -> None:
-        self._service, self._calm = service, calm
+    def __init__(
+        self, service: Service, calm: threading.Event, children: Sequence[str] = CHILDREN, session: str = ""
+    ) -> None:
+        self._service, self._calm, self._session = service, calm, session
         self._page = service.page("operator", queue=None)
-        self._numbers = {name: service.child(name) for name in CHILDREN}
+        self._numbers = {name: service.child(name) for name in children}
         self.record = Record()
 
     def __enter__(self) -> Judge:
@@ -100,10 +109,11 @@ class Judge:
 
     def _new_page(self) -> None:
         """Somebody who comes now gets in."""
-        begin_s = time.monotonic()
         try:
-            with self._service.page("service"):
-                self.record.new_pages_s.append(time.monotonic() - begin_s)
+            opened = open_page(self._service, "service", self._session)
+            opened.page.__exit__(None, None, None)
+            self.record.new_pages_s.append(opened.picture_s)
+            self.record.asked_again += opened.asked_again
         except Exception as fault:  # whatever it is: nobody got in
             self._fault(f"no new page: {fault!r:.200}")
 

@@ -21,7 +21,7 @@ from gantryctl.gateway.access import COOKIE, Access
 from gantryctl.gateway.app import build_app
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.sessions import FAILURES
-from gantryctl.gateway.settings import CONNECTIONS_OF_USER, UNUSED_S, Settings
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_OF_USER, UNUSED_S, Settings
 from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source
@@ -137,6 +137,42 @@ def test_one_user_has_so_many_connections_and_others_have_theirs(access: Access)
         second.used_s -= 1.01 * UNUSED_S
         assert await opened(access, eve) == "websocket.accept"
         assert [client.displaced for client in access.hub.clients()] == [False, True, *[False] * 14]
+
+    asyncio.run(check())
+
+
+def test_those_that_are_being_closed_have_no_places(access: Access) -> None:
+    """Found by a crowd: who floods one WebSocket after the other had all places with those that were being closed."""
+
+    async def check() -> None:
+        anna = access.sessions.open(access.users.all()["anna"], "here").token
+        live, closing = Live(access, access.hub), asyncio.Event()
+        headers = [(b"cookie", f"{COOKIE}={anna}".encode()), (b"origin", b"http://127.0.0.1:1")]
+        scope = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
+        said: list[str] = []
+
+        async def send(message: Any) -> None:
+            said.append(message["type"])
+            if message["type"] == "websocket.close":
+                await closing.wait()
+
+        def rude() -> Any:
+            messages = iter(
+                [{"type": "websocket.connect"}, {"type": "websocket.receive", "bytes": b"binary"}]
+            )
+
+            async def receive() -> Any:
+                return next(messages)
+
+            return receive
+
+        async with asyncio.TaskGroup() as group:
+            for n in range(CONNECTIONS + 1):
+                group.create_task(live.serve(WebSocket(dict(scope), rude(), send)))
+                while len(said) < 3 * (n + 1):  # accepted, welcome, close
+                    await asyncio.sleep(0)
+            closing.set()
+        assert said.count("websocket.accept") == CONNECTIONS + 1
 
     asyncio.run(check())
 

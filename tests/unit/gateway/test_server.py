@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from starlette.applications import Starlette
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import PlainTextResponse, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -26,10 +26,12 @@ from websockets.exceptions import ConnectionClosedError
 from gantryctl.gateway import door, server
 from gantryctl.gateway.guard import Guard, deny, error
 from gantryctl.gateway.places import Places
+from gantryctl.gateway.sessions import Session
 from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, neighbourhood
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.protocol.roles import Role
 from support.certificates import certificate
 
 ASK = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
@@ -66,6 +68,10 @@ async def refuse(web: WebSocket) -> None:
     await deny(web.scope, web.receive, web.send, error(401, refusal(Code.SEC_01, reason=Words.LOG_IN_FIRST)))
 
 
+def session_of(head: bytes) -> str:
+    return "session 1" if b"Cookie: mine" in head else ""
+
+
 def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None, *, guarded: bool = False) -> None:
     """A server with limits and a page of one word; `check` gets its port."""
 
@@ -82,7 +88,9 @@ def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None, *, gua
                     WebSocketRoute("/echo", echo),
                 ]
             )
-            made = server.make_server(Guard(app, settings, lambda _: None) if guarded else app, settings)
+            made = server.make_server(
+                Guard(app, settings, lambda _: None) if guarded else app, settings, session_of
+            )
             SERVERS.append(made)
             serving = asyncio.create_task(made.serve(sockets=[listener]))
             try:
@@ -434,7 +442,8 @@ def test_an_answer_under_way_makes_no_room(monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_crowd_that_holds_connections_keeps_nobody_out(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    monkeypatch.setattr(server, "HEADER_S", PATIENCE_S)  # nothing ends by itself here
+    for module in (door, server):
+        monkeypatch.setattr(module, "HEADER_S", PATIENCE_S)  # nothing ends by itself here
 
     async def check(port: int) -> None:
         crowd = await asyncio.create_subprocess_exec(
@@ -450,10 +459,49 @@ def test_a_crowd_that_holds_connections_keeps_nobody_out(monkeypatch: pytest.Mon
         finally:
             crowd.kill()
             await crowd.wait()
-        # Connections of the crowd that still waited are taken before this one: none is left when the loop ends.
         assert b"200 OK" in await answered(port)
 
     run(check)
+
+
+def test_who_has_a_session_does_not_wait_behind_a_crowd(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "HEADER_S", PATIENCE_S)
+
+    async def check(port: int) -> None:
+        with ExitStack() as stack:
+            # All of them are there before the server has a turn.
+            crowd = [stack.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(401)]
+            mine = crowd.pop(200)
+            mine.sendall(ASK.replace(b"\r\n\r\n", b"\r\nCookie: mine\r\n\r\n"))
+            for each in crowd:
+                each.sendall(ASK)
+                each.setblocking(False)
+            mine.setblocking(False)
+            assert b"200 OK" in await asyncio.get_running_loop().sock_recv(mine, 4096)
+            # 64 are accepted in one turn, and so many have a turn each before the one with the session is seen.
+            assert sum(map(answered_already, crowd)) < 50
+
+    run(check)
+
+
+def answered_already(client: socket.socket) -> bool:
+    with suppress(BlockingIOError, ConnectionError):  # nothing yet, or it made room
+        return b"200 OK" in client.recv(4096)
+    return False
+
+
+def test_the_session_is_found_in_what_a_connection_says_first(tmp_path: Path) -> None:
+    settings = Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path)
+    living = Session("f" * 32, "anna", Role.VIEWER, "anna", "", "", 0.0, 0.0)
+
+    def session(request: HTTPConnection) -> Session | None:
+        return living if request.cookies.get("session") == living.token else None
+
+    found = Guard(Starlette(), settings, session).session_of
+    said = f"GET / HTTP/1.1\r\nHost: x\r\ncookie: a=b; session={living.token}\r\n\r\n".encode()
+    assert found(said) == f"session {living.token}"
+    for other in (b"", ASK, b"\x16\x03\x01", said.replace(b"f", b"0"), said.replace(b"cookie", b"cake")):
+        assert found(other) == ""
 
 
 def test_an_address_has_its_places_and_no_more() -> None:
