@@ -233,7 +233,11 @@ class Day:
     def _speed(self) -> None:
         self._page.locator("#tab-settings").click()
         form = self._page.locator("form.setting").filter(has=self._page.locator("#speed_setting_deg_s"))
-        rpm = self._chance.choice(("0.1", "0.15", "0.125"))
+        # The page offers no setting that is in force already.
+        in_force = self._observer.tags["speed_setting_deg_s"]
+        rpm = self._chance.choice(
+            [r for r in ("0.1", "0.15", "0.125") if abs(6.0 * float(r) - in_force) > 1e-6]
+        )
         form.get_by_role("textbox").fill(rpm)
         form.get_by_role("button", name="Set").click()
         self._observer.until(lambda tags: abs(tags["speed_setting_deg_s"] - 6.0 * float(rpm)) < 1e-6)
