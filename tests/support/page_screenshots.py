@@ -13,14 +13,27 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, Playwright, sync_playwright
 
-from support.browser import SIZE, Proxy, enter, launch, person_key, press, ready_to_jog, until_moving
+from gantryctl.machine import configs_folder
+from gantryctl.service.clients.link import console_link
+from support.browser import (
+    CHROMIUM,
+    FLAGS,
+    SIZE,
+    Proxy,
+    enter,
+    launch,
+    person_key,
+    press,
+    ready_to_jog,
+    until_moving,
+)
+from support.commissioning_steps import do_before_velocity
 from support.service_process import Page as Watcher
 from support.service_process import Service, add_users
 
 COLOURS = 96
-AREAS = ("display", "operation", "settings", "alarms", "diagnosis")
 
 
 class Album:
@@ -91,9 +104,21 @@ def in_motion(page: Page, watcher: Watcher, album: Album) -> None:
 
 
 def after_a_stop(page: Page, watcher: Watcher, album: Album) -> None:
-    """Alarms of a quick stop in motion."""
+    """A quick stop in motion, in the scope and among the alarms."""
+    watcher.until(lambda tags: tags["in_position"])
+    move(page, "70")
+    until_moving(watcher)
+    show(page, "scope")
+    page.get_by_role("button", name="normal").click()
+    page.get_by_label("Trigger", exact=True).select_option("any new alarm")
+    page.get_by_label("Add a channel").select_option("pos_err_deg")
+    page.get_by_role("button", name="Start").click()
+    watcher.until(lambda tags: abs(tags["vel_act_deg_s"] or 0.0) > 4.0)
     page.get_by_role("button", name="Quick stop").click()
     watcher.until(lambda tags: tags["at_rest"] and tags["power_phase"] == "off")
+    page.get_by_test_id("scope-state").get_by_text("any new alarm ·").wait_for(timeout=60_000)
+    page.get_by_role("button", name="Hold").click()
+    album.take(page, "scope")
     show(page, "alarms")
     album.take(page, "alarms")
     person_key(page, "Dark")
@@ -116,6 +141,25 @@ def brake_test(page: Page, watcher: Watcher, album: Album) -> None:
     watcher.until(lambda tags: tags["brake_test_result"] == "passed" and tags["power_phase"] == "off")
     page.get_by_text("passed").wait_for()
     page.get_by_text("Power: off").wait_for()
+
+
+def commissioning(playwright: Playwright, album: Album) -> None:
+    """Half of the steps have passed, on the screen of the machine; the next one moves."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        add_users(root)
+        machine = str(configs_folder() / "hust_can.toml")
+        with Service(root, "--config", machine) as service:
+            do_before_velocity(service)
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+            context = browser.new_context(viewport=SIZE, locale="en-GB")
+            context.new_page().goto(console_link(service.root / "hust_can"))
+            page = enter(context, service, "service", "settings")
+            page.get_by_role("button", name="Take control").click()
+            page.locator(".nextstep[data-step=velocity]").scroll_into_view_if_needed()
+            page.get_by_role("button", name="Give back").wait_for()
+            album.take(page, "commissioning")
+            browser.close()
 
 
 def main() -> int:
@@ -141,6 +185,7 @@ def main() -> int:
                 page.locator("[data-stale=true]").wait_for()
                 album.take(page, "stale")
                 proxy.thaw()
+        commissioning(playwright, album)
     return 0
 
 

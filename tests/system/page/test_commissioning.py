@@ -12,18 +12,16 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, expect
 
 from gantryctl.commissioning.run import STEPS
-from gantryctl.errors import DeviceError
 from gantryctl.machine import configs_folder
-from gantryctl.service.clients.link import ServiceLink, console_link
+from gantryctl.service.clients.link import console_link
 from support.browser import CHROMIUM, FLAGS, SIZE, enter
+from support.commissioning_steps import STILL, do_before_velocity
 from support.page_geometry import faults_of_layout, grey_without_reason, heavy_findings
 from support.page_shown import IN_CONTROL, Shown
 from support.service_process import Service, add_users
 
 pytestmark = pytest.mark.timeout(600)
 SIZES = ((360, 640), (640, 360), (1024, 768), (1920, 1080))
-STILL = ("identity", "encoder", "defaults", "parameters", "pdo", "sync", "nodes")
-BEFORE_VELOCITY = (*STILL, "silence", "watchdog", "brake", "sign")
 # Processes take turns, on a busy computer.
 TURNS_MS = 60_000
 MOVES_DEG_S = 0.02
@@ -263,23 +261,6 @@ def test_steps_from_the_first_to_one_that_is_armed(
     # The controller has the axis again.
     take(page)
     expect(begin).to_be_enabled()
-
-
-def do_before_velocity(service: Service) -> None:
-    """Every step before the first that moves for seconds, from the command line, which then gives control back."""
-    with ServiceLink(service.root / "hust_can") as link:
-        link.ask("take", over=True)
-        link.ask("commission_begin")
-        while link.tags["commissioning"] != "waiting":
-            with suppress(DeviceError):  # silent for as long as the processes take turns
-                link.look()
-        link.ask("take", over=True)
-        for key in BEFORE_VELOCITY:
-            before = link.look()["commissioning_results"]
-            link.ask("arm", action="commission")
-            link.ask("commission_step", step=key)
-            while link.look()["commissioning_results"] == before or link.tags["commissioning"] != "waiting":
-                link.alive()
 
 
 @pytest.mark.slow

@@ -1,0 +1,29 @@
+"""Steps of commissioning in a service, done from the command line's side."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from gantryctl.errors import DeviceError
+from gantryctl.service.clients.link import ServiceLink
+from support.service_process import Service
+
+STILL = ("identity", "encoder", "defaults", "parameters", "pdo", "sync", "nodes")
+BEFORE_VELOCITY = (*STILL, "silence", "watchdog", "brake", "sign")
+
+
+def do_before_velocity(service: Service) -> None:
+    """Every step of a service on hust_can.toml before the first that moves for seconds; control is given back."""
+    with ServiceLink(service.root / "hust_can") as link:
+        link.ask("take", over=True)
+        link.ask("commission_begin")
+        while link.tags["commissioning"] != "waiting":
+            with suppress(DeviceError):  # silent for as long as the processes take turns
+                link.look()
+        link.ask("take", over=True)
+        for key in BEFORE_VELOCITY:
+            before = link.look()["commissioning_results"]
+            link.ask("arm", action="commission")
+            link.ask("commission_step", step=key)
+            while link.look()["commissioning_results"] == before or link.tags["commissioning"] != "waiting":
+                link.alive()
