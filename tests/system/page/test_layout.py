@@ -133,6 +133,7 @@ def test_nothing_overlaps_and_stop_is_reached_in_every_window(shown: Shown) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("language", ["en", "zh"])
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_every_area_in_every_window_language_and_theme(shown: Shown, language: str, theme: str) -> None:
