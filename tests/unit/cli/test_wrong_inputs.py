@@ -156,6 +156,7 @@ def test_a_file_that_cannot_be_written_there_is_a_wrong_command() -> None:
             "trace plot --out PLACE",
             "trace compare last last --out PLACE",
             "why --out PLACE",
+            "faults run --fault A2 --out PLACE",
             "config init --improved PLACE/m.toml",
             "size init --template gantry PLACE/s.toml",
         ):

@@ -108,9 +108,11 @@ def run(
     """
     from gantryctl.engineering.faults.run import run_fault
     from gantryctl.engineering.faults.text import result_data, result_lines
+    from gantryctl.files import check_place
 
     if out is not None:
         need("matplotlib")
+        check_place(out)
     case = _case(number, file)
     result = run_fault(
         case,
