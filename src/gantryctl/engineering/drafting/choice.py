@@ -8,11 +8,14 @@ from typing import Final
 from gantryctl.engineering.drafting.draft import Draft, draft
 from gantryctl.engineering.drafting.open_items import GearsOfGrade
 from gantryctl.engineering.drafting.origin import Origin, Values, guessed
-from gantryctl.engineering.sizing.checks import fit
+from gantryctl.engineering.sizing.checks import Fit, fit
 from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.engineering.stops import check_quick_stop
 from gantryctl.errors import ConfigError
+
+# Of motors that do not fit: a person reads why of so many.
+_NEAREST: Final = 3
 
 
 def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
@@ -22,14 +25,15 @@ def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
         sheet: what the axis must do. motors: to choose from. name: of the machine.
 
     Raises:
-        ConfigError: none does it: what the rules of a machine say about the first that fits, or what is worst of each.
+        ConfigError: none does it: what the rules of a machine say about the first that fits, or what is worst of those
+            that come nearest.
     """
-    unfit: list[str] = []
+    unfit: list[Fit] = []
     refused: list[str] = []
     for motor in sorted(motors, key=lambda motor: (motor.motor.power_rated_kw, motor.name)):
         fitted = fit(sheet, motor)
         if not fitted.fits:
-            unfit.append(f"{motor.name} does not fit {sheet.sheet.name}: {fitted.reasons[0]}")
+            unfit.append(fitted)
             continue
         try:
             made = draft(fitted, name)
@@ -39,7 +43,19 @@ def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
             refused = refused or [f"{motor.name}: {problem}" for problem in wrong.problems]
             continue
         return made
-    raise ConfigError(refused or unfit)
+    raise ConfigError(refused or _nearest(sheet, unfit))
+
+
+def _nearest(sheet: Sheet, unfit: Sequence[Fit]) -> list[str]:
+    """What the motors lack that come nearest, and what may be done."""
+    nearest = sorted(unfit, key=lambda fitted: fitted.tightest.part)[:_NEAREST]
+    told = [f"{each.motor.name} does not fit {sheet.sheet.name}: {each.reasons[0]}" for each in nearest]
+    more = (
+        f"{len(unfit)} motors were tried, these come nearest"
+        if len(unfit) > len(nearest)
+        else "no motor is left"
+    )
+    return [*told, f"{more}: change the answers or the sheet, or name another motor by --motor FILE"]
 
 
 GRADE: Final = "teeth.grade"

@@ -160,6 +160,16 @@ def test_motors_to_choose_from():
         run("new", "two", "--template", "tilt_table", "--motor", MOTORS / "pm_200w_3000.toml")
 
 
+def test_of_motors_that_do_not_fit_those_are_told_that_come_nearest():
+    """A table so small that every delivered motor breaks its reducer: the smallest one by least."""
+    with pytest.raises(ConfigError) as wrong:
+        run("new", "tiny", "--template", "rotary_table", "--set", "inertia_kg_m2=0.02")
+    *told, advice = wrong.value.problems
+    assert [problem.split()[0] for problem in told] == ["pm_200w_3000", "pm_400w_3000", "pm_500w_2000"]
+    assert all("does not fit tiny: reducer: " in problem for problem in told)
+    assert "name another motor by --motor FILE" in advice
+
+
 def test_a_person_is_asked_and_asked_again(monkeypatch):
     """Enter keeps the usual value; an answer that is refused is asked for again with what is allowed."""
     monkeypatch.setattr("gantryctl.cli.drafting._at_a_terminal", lambda: True)
