@@ -37,6 +37,7 @@ FLAGS: Final = (
 # Headers only: Zig would compile its C and C++ libraries first, some ten minutes of one processor.
 LINK: Final = ("--no-entry", "--gc-sections", "-O2", "--strip-all", "-z", "stack-size=1048576")
 AXES: Final = ("hust_gantry", "azimuth_dish", "rotary_table")
+TEETH: Final = {"plant.ring_pitch_rad": 1024, "plant.pinion_pitch_rad": 128}
 MOVE_DEG: Final = 10.0
 
 
@@ -61,10 +62,6 @@ def _run(*words: str) -> None:
         raise SystemExit(f"zig {words[0]} has failed")
 
 
-# Of single teeth, which `stand` refuses: they have no place among its numbers.
-_TABLES: Final = ("ring_pitch_rad", "pinion_pitch_rad")
-
-
 def numbers_of(machine: Machine) -> dict[str, float | list[float]]:
     """What `stand` of `axis.cpp` takes, by name: plant, drive, law, timing."""
     numbers: dict[str, float | list[float]] = {}
@@ -74,6 +71,11 @@ def numbers_of(machine: Machine) -> dict[str, float | list[float]]:
     for name in ("kpp_per_s", "kvf", "ratio", "rad_per_count", "vel_max_rad_s"):
         numbers[f"law.{name}"] = getattr(law, name)
     integration = machine.plant.integration
+    # As long as the core has room for; a plant has as many as it has teeth.
+    for name, most in TEETH.items():
+        teeth = numbers[name]
+        assert isinstance(teeth, list)
+        numbers[name] = teeth + [0.0] * (most - len(teeth))
     numbers["scan_period_s"] = machine.control.scan_period_ms * 1e-3
     numbers["rk4_steps"] = integration.rk4_steps if integration.scheme == "rk4" else 0
     numbers["count_offset"] = float(
@@ -87,7 +89,7 @@ def _fields(params: object) -> list[tuple[str, float | list[float]]]:
     found = []
     for name in dir(type(params)):
         value = getattr(params, name)
-        if not name.startswith("_") and name not in _TABLES and not callable(value):
+        if not name.startswith("_") and not callable(value):
             found.append((name, list(value) if isinstance(value, Sequence) else float(value)))
     return found
 

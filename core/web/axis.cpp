@@ -13,7 +13,8 @@ using namespace gantry;
 
 namespace {
 
-static_assert(kRingHarmonics == 12 && kWindWaves == 24, "the lengths in kNames");
+static_assert(kRingHarmonics == 12 && kWindWaves == 24 && kRingTeethMax == 1024 && kPinionTeethMax == 128,
+              "the lengths in kNames");
 
 const char kNames[] =
 #define X(name, value, meaning) "plant." #name "\n"
@@ -21,6 +22,7 @@ const char kNames[] =
 #undef X
         "plant.error_ring_rad[12]\nplant.phase_ring_rad[12]\n"
         "plant.wind_wave_nm[24]\nplant.wind_rate_rad_s[24]\nplant.wind_phase_rad[24]\n"
+        "plant.ring_pitch_rad[1024]\nplant.pinion_pitch_rad[128]\n"
 #define X(name, type, value, meaning) "plant." #name "\n"
     GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -37,7 +39,7 @@ const char kColumns[] =
 #undef X
     ;
 
-constexpr std::size_t kNumbersMost = 512;
+constexpr std::size_t kNumbersMost = 2048;
 constexpr std::size_t kColumnCount = sizeof(LogRow<double>) / sizeof(double);
 
 double given[kNumbersMost];
@@ -87,13 +89,14 @@ void stand(double angle_rad) {
   from.read(plant.wind_wave_nm);
   from.read(plant.wind_rate_rad_s);
   from.read(plant.wind_phase_rad);
+  from.read(plant.pitch.ring_rad);
+  from.read(plant.pitch.pinion_rad);
 #define X(name, type, value, meaning) from.read(plant.name);
   GANTRY_PLANT_SWITCHES(X)
 #undef X
 #define X(name, value, meaning) from.read(drive.name);
   GANTRY_DRIVE_PARAMS(X)
 #undef X
-  if (plant.tooth_pitch) __builtin_trap();  // single teeth are tables, for which no names are handed over
   from.read(drive.encoder_errors);
   from.read(drive.delay_cycles);
   control = Control<double>();

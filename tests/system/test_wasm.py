@@ -35,12 +35,14 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 NODE = ("node", str(ROOT / "tests" / "support" / "run_axis.mjs"))
 
+EFFECTS = ("tooth_pitch", "thermal", "ageing", "cogging", "encoder_errors", "cable")
 AXES = {
     "hust_gantry": {},
     "hust_gantry by Runge-Kutta": {"plant.integration.scheme": "rk4"},
     "hust_gantry with an ideal current loop": {"drive.current_loop.ideal": True},
     "hust_gantry rigid": {"plant.switches.rigid": True},
     "hust_gantry at 4 ms": {"control.scan_period_ms": 4.0},
+    "hust_gantry with every effect": {f"plant.switches.{name}": True for name in EFFECTS},
     "azimuth_dish": {},
     "rotary_table": {},
     "draft of crane_slew": {},
