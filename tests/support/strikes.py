@@ -339,15 +339,13 @@ def _ended(process: subprocess.Popen[str]) -> None:
     process.communicate(timeout=60)
 
 
-def strikes(
-    root: Path, can: bool, victims: Sequence[str] = VICTIMS, times_s: Sequence[float] = FROZEN_S
-) -> dict[str, Any]:
+def strikes(root: Path, can: bool, victims: Sequence[str] = VICTIMS) -> dict[str, Any]:
     """All strikes, and what the journal looks like afterwards."""
     runs = []
     with machine_to_strike(root, can) as struck:
         for victim in victims:
             for state in STATES:
-                for frozen_s in times_s:
+                for frozen_s in FROZEN_S:
                     runs.append(struck.strike(Strike(victim, state, frozen_s)))
                     sys.stderr.write(f"{json.dumps(runs[-1])}\n")
         directory = struck.service.directory
@@ -360,8 +358,26 @@ def strikes(
     return {"runs": runs, "journal": verify(directory).wrong or "intact", "gaps_in_numbers": gaps}
 
 
+def kills(root: Path, can: bool, victims: Sequence[str] = VICTIMS) -> dict[str, Any]:
+    """Kills only, each of a machine of its own.
+
+    A controller that is killed under power leaves an axis whose angle nobody has kept: after some ways the next start
+    wants its witness mark read (ENC-08), and nothing could be struck any more.
+    """
+    runs, wrong = [], []
+    for number, (victim, state) in enumerate((victim, state) for victim in victims for state in STATES):
+        place = root / str(number)
+        place.mkdir()
+        with machine_to_strike(place, can) as struck:
+            runs.append(struck.strike(Strike(victim, state, KILL)))
+            sys.stderr.write(f"{json.dumps(runs[-1])}\n")
+            directory = struck.service.directory
+        wrong.append(verify(directory).wrong)
+    return {"runs": runs, "journal": next(filter(None, wrong), "intact")}
+
+
 if __name__ == "__main__":
     asked = sys.argv[2:]
     named = [victim for victim in VICTIMS if victim in asked]
-    times_s = (KILL,) if "kills" in asked else FROZEN_S
-    print(json.dumps(strikes(Path(sys.argv[1]), "can" in asked, named or VICTIMS, times_s)))
+    strike_all = kills if "kills" in asked else strikes
+    print(json.dumps(strike_all(Path(sys.argv[1]), "can" in asked, named or VICTIMS)))

@@ -178,8 +178,9 @@ def test_a_foreign_client_is_answered_as_the_table_says(
     assert sum(row.get("session") == "Good" for row in rows if row.get("identity") == "right") == len(SECURE)
     used = {policy: used_of(rows, policy) for policy in SECURE}
     for policy, said in used.items():
-        assert {name: said[name] for name in USED} == USED, policy
-        assert said["references_in_threes"] == said["references"] > 0, policy
+        # All that it said: the status of its session and of its last turn are the only reasons that a client gives.
+        assert {name: said.get(name) for name in USED} == USED, (policy, said)
+        assert said["references_in_threes"] == said["references"] > 0, (policy, said)
     found = json.loads(EVIDENCE.read_text(encoding="utf-8")) if EVIDENCE.exists() else {}
     found[build.__name__] = {
         "version": rows[0]["version"],

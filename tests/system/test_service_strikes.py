@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,7 +45,25 @@ def test_every_process_is_struck_on_the_virtual_gantry(tmp_path: Path, evidence:
 @pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
 def test_every_process_is_struck_with_the_drive_on_a_bus(tmp_path: Path, evidence: Evidence) -> None:
     """The way is that of the motor by the account of the virtual drive."""
-    command = [*OWN_NETWORK, sys.executable, "-m", "support.strikes", str(tmp_path), "can"]
+    judge(struck_on_bus(tmp_path), "service_struck_on_bus", evidence)
+
+
+@pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
+def test_every_process_is_killed_with_the_drive_on_a_bus_and_all_is_back_in_time(
+    tmp_path: Path, evidence: Evidence
+) -> None:
+    """Two minutes only, so that a computer with other work can be kept free for it."""
+    found = struck_on_bus(tmp_path, "kills")
+    evidence("service_back_on_bus", {**found, "load_average": os.getloadavg()})
+    assert len(found["runs"]) == len(VICTIMS) * len(STATES)
+    assert [run for run in found["runs"] if not run["right"] or run["rows_lost"]] == []
+    assert found["journal"] == "intact"
+    assert max(run["back_s"] for run in found["runs"]) < BACK_S
+
+
+def struck_on_bus(root: Path, *options: str) -> dict[str, Any]:
+    """What the strikes have found, in a network of their own."""
+    command = [*OWN_NETWORK, sys.executable, "-m", "support.strikes", str(root), "can", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=WITH_HELPERS, cwd=TESTS)
     assert done.returncode == 0, done.stderr[-2000:]
-    judge(json.loads(done.stdout), "service_struck_on_bus", evidence)
+    return dict(json.loads(done.stdout))
