@@ -9,11 +9,11 @@ from gantryctl.service.clients.link import ServiceLink
 from support.service_process import Service
 
 STILL = ("identity", "encoder", "defaults", "parameters", "pdo", "sync", "nodes")
-BEFORE_VELOCITY = (*STILL, "silence", "watchdog", "brake", "sign")
+_ORDER = (*STILL, "silence", "watchdog", "brake", "sign", "velocity", "ring", "loop", "stops")
 
 
-def do_before_velocity(service: Service) -> None:
-    """Every step of a service on hust_can.toml before the first that moves for seconds; control is given back."""
+def do_before(service: Service, step: str) -> None:
+    """Every required step of a service on hust_can.toml before one; control is given back."""
     with ServiceLink(service.root / "hust_can") as link:
         link.ask("take", over=True)
         link.ask("commission_begin")
@@ -21,7 +21,7 @@ def do_before_velocity(service: Service) -> None:
             with suppress(DeviceError):  # silent for as long as the processes take turns
                 link.look()
         link.ask("take", over=True)
-        for key in BEFORE_VELOCITY:
+        for key in _ORDER[: _ORDER.index(step)]:
             before = link.look()["commissioning_results"]
             link.ask("arm", action="commission")
             link.ask("commission_step", step=key)

@@ -29,7 +29,7 @@ from support.browser import (
     ready_to_jog,
     until_moving,
 )
-from support.commissioning_steps import do_before_velocity
+from support.commissioning_steps import do_before
 from support.service_process import Page as Watcher
 from support.service_process import Service, add_users
 
@@ -137,6 +137,7 @@ def brake_test(page: Page, watcher: Watcher, album: Album) -> None:
     page.get_by_role("button", name="1 · Arm test").click()
     page.get_by_role("button", name="2 · Execute test").click()
     watcher.until(lambda tags: tags["brake_test_phase"] == "minus_held")
+    page.evaluate("document.querySelector('main').scrollTop = 1e6")
     album.take(page, "brake_test")
     watcher.until(lambda tags: tags["brake_test_result"] == "passed" and tags["power_phase"] == "off")
     page.get_by_text("passed").wait_for()
@@ -150,7 +151,7 @@ def commissioning(playwright: Playwright, album: Album) -> None:
         add_users(root)
         machine = str(configs_folder() / "hust_can.toml")
         with Service(root, "--config", machine) as service:
-            do_before_velocity(service)
+            do_before(service, "velocity")
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             context = browser.new_context(viewport=SIZE, locale="en-GB")
             context.new_page().goto(console_link(service.root / "hust_can"))
