@@ -66,11 +66,11 @@ def build(out: Path, pythons: Sequence[str]) -> Iterator[Path]:
     os.environ.setdefault("SOURCE_DATE_EPOCH", _date_of_sources())
     builders = {}
     for python in pythons:
-        if shutil.which(python) is None:
+        version = _version(python)
+        if not version:
             raise SystemExit(
                 f"{python} is not here: a release needs it; `make dist PYTHONS=python3.11` makes less of one"
             )
-        version = _output(python, "-c", "import sys; print('cp%d%d' % sys.version_info[:2])")
         builders[version] = _environment(python, WORK / version)
     # This computer's first: a stub is made by importing the module, and serves every processor.
     for target in sorted(TARGETS, key=lambda each: not each.here):
@@ -84,6 +84,18 @@ def build(out: Path, pythons: Sequence[str]) -> Iterator[Path]:
                 wheel = _wheel(builder, version, target, _sources(builder, name), out)
                 _judge(wheel, target)
                 yield wheel
+
+
+def _version(python: str) -> str:
+    """Tag of an interpreter, cp311; "" where there is none, or a name of pyenv that stands for none of its versions."""
+    if shutil.which(python) is None:
+        return ""
+    return subprocess.run(  # noqa: S603 - an interpreter named on our own command line
+        [python, "-c", "import sys; print('cp%d%d' % sys.version_info[:2])"],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    ).stdout.strip()
 
 
 def _date_of_sources() -> str:
