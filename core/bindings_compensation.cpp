@@ -33,6 +33,7 @@ Harmonics<double, N> make_harmonics(const std::vector<double>& values, const cha
   Harmonics<double, N> h;
   if (values.size() > 2 * N + 1)
     throw std::invalid_argument(std::string(name) + " has more than " + std::to_string(N) + " harmonics");
+  h.used = static_cast<int>(values.size() / 2);
   for (std::size_t k = 0; k < values.size(); ++k) {
     finite(values[k], name);
     if (k == 0)
@@ -67,11 +68,11 @@ void set_numbers(Params& p, Numbers given) {
 #undef X
   if (!given.empty())
     throw std::invalid_argument("no number of the compensation is called " + given.begin()->first);
-  for (double x : {p.period_s, p.reversal_length_rad, p.fade_rad_s})
+  for (double x : {p.period_s, p.reversal_length_rad, p.fade_rad_s, p.flank_nm})
     if (!(x > 0.0))
-      throw std::invalid_argument("period_s, reversal_length_rad and fade_rad_s must be positive");
-  for (double x : {p.torque_limit_nm, p.pos_limit_rad, p.encoder_limit_rad, p.encoder_dead_band_rad,
-                   p.swing_speed_max_rad_s})
+      throw std::invalid_argument("period_s, reversal_length_rad, fade_rad_s and flank_nm must be positive");
+  for (double x : {p.torque_limit_nm, p.pos_limit_rad, p.backlash_rad, p.encoder_limit_rad,
+                   p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
     if (!(x >= 0.0)) throw std::invalid_argument("a limit of the compensation is negative");
 }
 
@@ -86,6 +87,7 @@ Params make_params(const Switches& switches, const Numbers& numbers, const std::
   p.scale = make_harmonics<kScaleHarmonics>(scale, "scale");
   if (fast.size() > kFastWaves)
     throw std::invalid_argument("at most " + std::to_string(kFastWaves) + " fast waves");
+  p.fast_used = static_cast<int>(fast.size());
   for (std::size_t k = 0; k < fast.size(); ++k) {
     const auto [cycles, sine, cosine] = fast[k];
     for (double x : {cycles, sine, cosine}) finite(x, "a fast wave");

@@ -118,6 +118,20 @@ def oracle() -> Iterator[Oracle]:
         pytest.fail(f"the oracle saw:\n{broken}", pytrace=False)
 
 
+EVIDENCE_DIGITS = 5
+
+
+def rounded(figures: object) -> object:
+    """Figures to five digits: what is measured is known to three, and the last of sixteen is the computer's."""
+    if isinstance(figures, float):
+        return float(f"{figures:.{EVIDENCE_DIGITS}g}")
+    if isinstance(figures, dict):
+        return {key: rounded(value) for key, value in figures.items()}
+    if isinstance(figures, list | tuple):
+        return [rounded(value) for value in figures]
+    return figures
+
+
 @pytest.fixture(scope="session")
 def evidence(pytestconfig: pytest.Config) -> Callable[[str, dict[str, object]], None]:
     """Keeps what a slow test measured as docs/evidence/<name>.json; only when slow tests were asked for."""
@@ -126,7 +140,7 @@ def evidence(pytestconfig: pytest.Config) -> Callable[[str, dict[str, object]], 
     def write(name: str, figures: dict[str, object]) -> None:
         if wanted:
             EVIDENCE.mkdir(parents=True, exist_ok=True)
-            text = json.dumps(figures, indent=2, allow_nan=False) + "\n"
+            text = json.dumps(rounded(figures), indent=2, allow_nan=False) + "\n"
             (EVIDENCE / f"{name}.json").write_text(text, encoding="utf-8")
 
     return write

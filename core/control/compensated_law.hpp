@@ -36,10 +36,13 @@ T load_side_bias(const CompensationParams<T>& p, T bias, T error) {
   return clamp(next, -p.encoder_limit_rad, p.encoder_limit_rad);
 }
 
-// Twist without the wind-up of the set-point: a load that is accelerated as planned does not swing.
+// Twist without what the set-point plans, its wind-up and its flank: a load that is accelerated as planned
+// does not swing.
 template <class T>
-T unplanned_twist(const CompensationParams<T>& p, const SetPoint<T>& r, T twist) {
-  return twist - windup_correction(p, r.pos, r.vel, r.acc, T(0.0)).pos;
+T unplanned_twist(const CompensationParams<T>& p, T direction, const SetPoint<T>& r, T twist) {
+  const T zero = T(0.0);
+  return twist - windup_correction(p, r.pos, r.vel, r.acc, zero).pos -
+         backlash_correction(p, direction, zero, r.pos, r.vel, r.acc, zero).pos;
 }
 
 // Speed, at the gantry, by which the motor yields to the swing of the load: g (Kpp (w - r') + w1^2 (twist -
@@ -64,7 +67,7 @@ void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint<T>&
   s.acc_last_rad_s2 = select(going, s.acc_last_rad_s2, r.acc);
   s.ring_last_rad = select(going, s.ring_last_rad, ring);
   s.vel_ring_rad_s = select(going, s.vel_ring_rad_s, r.vel);
-  s.twist_slow_rad = select(going, s.twist_slow_rad, unplanned_twist(p, r, y - ring));
+  s.twist_slow_rad = select(going, s.twist_slow_rad, unplanned_twist(p, s.direction, r, y - ring));
   s.torque_zero_nm = select(going, s.torque_zero_nm, feed_forward_torque(p, ratio, r.pos, r.acc));
   s.started = mask<T>(true);
 }
@@ -119,7 +122,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   out.law = position_law(law, r.pos + shift - lead, r.vel + c.vel, counts);
   out.law.pos_act_rad = out.law.pos_act_rad + lead - shift;
   if (p.damping) {
-    const T twist = unplanned_twist(p, r, y - ring);
+    const T twist = unplanned_twist(p, s.direction, r, y - ring);
     const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, r.vel, twist);
     out.law.vel_cmd_rad_s = clamp(out.law.vel_cmd_rad_s - yields, -law.vel_max_rad_s, law.vel_max_rad_s);
   }

@@ -5,16 +5,18 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 #include "core/control/harmonics.hpp"
 #include "core/control/segments.hpp"
 
 namespace gantry::GANTRY_ISA {
 
-constexpr int kMapHarmonics = 16;
+// As many as show the pitch of each tooth of a ring of 384: two a tooth.
+constexpr int kMapHarmonics = 192;
 constexpr int kReversalHarmonics = 12;
 constexpr int kScaleHarmonics = 40;
-constexpr int kFastWaves = 6;
+constexpr int kFastWaves = 12;
 
 // clang-format off
 #define GANTRY_COMPENSATION_SWITCHES(X)                                                               \
@@ -22,7 +24,7 @@ constexpr int kFastWaves = 6;
   X(torque_acceleration, "motor torque that accelerates, fed forward")                                \
   X(gear_map, "gear error, from the map")                                                             \
   X(windup, "wind-up of the transmission under eccentric moment and acceleration")                    \
-  X(reversal, "lost motion: friction wind-up and backlash, by direction of the last motion")          \
+  X(reversal, "lost motion: friction wind-up by direction, backlash by the torque in the mesh")       \
   X(load_encoder, "slow integral of the load-side error")                                             \
   X(scale_map, "errors of the load-side encoder itself, from its map")                                \
   X(damping, "load swing damped through the load-side encoder")
@@ -36,6 +38,10 @@ constexpr int kFastWaves = 6;
   X(compliance_rad_per_nm, 0.0, "wind-up per load torque, 1/k")                                       \
   X(windup_per_acc_s2, 0.0, "wind-up per acceleration of the load, J/k")                              \
   X(reversal_length_rad, 1e-4, "way over which the direction turns round")                            \
+  X(backlash_rad, 0.0, "backlash, both flanks together, at the gantry")                               \
+  X(friction_load_nm, 0.0, "friction behind the mesh")                                                \
+  X(inertia_load_kg_m2, 0.0, "behind the mesh")                                                       \
+  X(flank_nm, 1.0, "torque in the mesh, on either side of 0, over which the flank changes")           \
   X(fade_rad_s, 1e9, "waves passing faster than this are no longer followed")                         \
   X(pos_limit_rad, 0.0, "largest correction of all maps together")                                    \
   X(encoder_gain_per_s, 0.0, "integral gain of the load-side loop")                                   \
@@ -71,6 +77,7 @@ struct CompensationParams {
   Harmonics<T, kReversalHarmonics> lost_motion;
   Harmonics<T, kScaleHarmonics> scale;
   std::array<FastWave<T>, kFastWaves> fast{};
+  int fast_used = kFastWaves;  // the others are 0
 };
 
 template <class T>
@@ -101,7 +108,8 @@ template <class T>
 Motion<T> gear_correction(const CompensationParams<T>& p, T pos, T vel) {
   const Curve<T> slow = harmonics(p.map, pos);
   Motion<T> c{slow.value, slow.slope * vel};
-  for (const FastWave<T>& wave : p.fast) {
+  for (int k = 0; k < p.fast_used; ++k) {
+    const FastWave<T>& wave = p.fast[static_cast<std::size_t>(k)];
     const Curve<T> w = fast_wave(wave, pos);
     const T passing = wave.cycles * vel / p.fade_rad_s;
     const T squared = passing * passing;
@@ -120,6 +128,19 @@ Motion<T> windup_correction(const CompensationParams<T>& p, T pos, T vel, T acc,
           p.compliance_rad_per_nm * m.slope * vel + p.windup_per_acc_s2 * jerk};
 }
 
+// Half the backlash, on the flank that the mesh torque of the set-point asks for: Tg = M(r) + z F + J r''.
+// s(u) = u (3 - u^2)/2 for |u| < 1, u = Tg / flank_nm: its ends have no step of the speed.
+template <class T>
+Motion<T> backlash_correction(const CompensationParams<T>& p, T direction, T turning, T pos, T vel, T acc,
+                              T jerk) {
+  const Curve<T> m = holding_moment(p, pos);
+  const T torque = m.value + direction * p.friction_load_nm + p.inertia_load_kg_m2 * acc;
+  const T rate = m.slope * vel + turning * p.friction_load_nm + p.inertia_load_kg_m2 * jerk;
+  const T u = clamp(torque / p.flank_nm, T(-1.0), T(1.0));
+  const T half = T(0.5) * p.backlash_rad;
+  return {half * (T(0.5) * u * (T(3.0) - u * u)), half * (T(1.5) * (T(1.0) - u * u)) * (rate / p.flank_nm)};
+}
+
 // All maps at a set-point; limited, and standing still where it is limited.
 template <class T>
 Motion<T> map_correction(const CompensationParams<T>& p, T direction, T turning, T pos, T vel, T acc,
@@ -134,6 +155,7 @@ Motion<T> map_correction(const CompensationParams<T>& p, T direction, T turning,
   if (p.reversal) {
     const Curve<T> lost = harmonics(p.lost_motion, pos);
     add({direction * lost.value, direction * lost.slope * vel + turning * lost.value});
+    add(backlash_correction(p, direction, turning, pos, vel, acc, jerk));
   }
   const T limited = clamp(c.pos, -p.pos_limit_rad, p.pos_limit_rad);
   return {limited, select(limited == c.pos, c.vel, T(0.0) * c.pos)};

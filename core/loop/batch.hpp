@@ -82,6 +82,8 @@ class Batch {
 #define X(name, meaning) compensation_.p.name = c->p.name;
       GANTRY_COMPENSATION_SWITCHES(X)
 #undef X
+      CompensationParams<T>& p = compensation_.p;
+      p.map.used = p.lost_motion.used = p.scale.used = p.fast_used = 0;  // grow with the plants that come
     }
   }
 
@@ -163,6 +165,7 @@ class Batch {
     load_harmonics(k, p.map, one.p.map);
     load_harmonics(k, p.lost_motion, one.p.lost_motion);
     load_harmonics(k, p.scale, one.p.scale);
+    p.fast_used = std::max(p.fast_used, one.p.fast_used);
     for (std::size_t n = 0; n < p.fast.size(); ++n) {
       set_lane(p.fast[n].cycles, k, one.p.fast[n].cycles);
       set_lane(p.fast[n].sine, k, one.p.fast[n].sine);
@@ -176,6 +179,7 @@ class Batch {
 
   template <int N>
   static void load_harmonics(int k, Harmonics<T, N>& pack, const Harmonics<double, N>& one) {
+    pack.used = std::max(pack.used, one.used);
     set_lane(pack.mean, k, one.mean);
     for (std::size_t n = 0; n < N; ++n) {
       set_lane(pack.sine[n], k, one.sine[n]);

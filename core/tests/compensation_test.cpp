@@ -30,6 +30,10 @@ Params maps() {
   p.moment_cosine_nm = -2e3;
   p.compliance_rad_per_nm = 2.8e-9;
   p.windup_per_acc_s2 = 6.2e-3;
+  p.backlash_rad = 8e-5;
+  p.friction_load_nm = 6e3;
+  p.inertia_load_kg_m2 = 2.2e6;
+  p.flank_nm = 8e4;  // so wide that the derivative below is taken where the flank changes
   p.pos_limit_rad = 1e-3;
   return p;
 }
@@ -67,6 +71,33 @@ TEST(Maps, windup_is_torque_over_stiffness) {
   const double pos = 1.1, acc = 0.0117;
   const double wanted = (1.6e4 * std::sin(pos) - 2e3 * std::cos(pos)) * 2.8e-9 + 6.2e-3 * acc;
   EXPECT_NEAR(map_correction(p, 0.0, 0.0, pos, 0.0, acc, 0.0).pos, wanted, 1e-16);
+}
+
+TEST(Maps, backlash_lies_on_the_flank_that_the_planned_torque_asks_for) {
+  Params p;
+  p.backlash_rad = 8e-5;
+  p.moment_sine_nm = 1.6e4;
+  p.friction_load_nm = 6e3;
+  p.inertia_load_kg_m2 = 2.2e6;
+  p.flank_nm = 1e3;
+  const auto at = [&](double direction, double pos, double acc) {
+    return backlash_correction(p, direction, 0.0, pos, 0.0, acc, 0.0).pos;
+  };
+  const double quarter = 1.570796326794896619;
+  EXPECT_EQ(at(-1.0, quarter, 0.0), 4e-5);  // the moment holds it, whatever the direction
+  EXPECT_EQ(at(1.0, 0.0, 0.0), 4e-5);       // friction alone: pushed
+  EXPECT_EQ(at(-1.0, 0.0, 0.0), -4e-5);
+  EXPECT_EQ(at(1.0, 0.0, -0.0117), -4e-5);  // braked harder than friction does: on the other flank
+  EXPECT_EQ(at(0.0, 0.0, 0.0), 0.0);
+}
+
+TEST(Harmonics, above_those_in_use_are_not_looked_at) {
+  Params p = maps();
+  const double three = harmonics(p.map, 0.7).value;
+  p.map.used = 3;
+  EXPECT_EQ(harmonics(p.map, 0.7).value, three);
+  p.map.used = 2;
+  EXPECT_NE(harmonics(p.map, 0.7).value, three);
 }
 
 TEST(Maps, are_limited_and_then_stand_still) {

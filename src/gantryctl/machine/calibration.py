@@ -6,18 +6,20 @@ import json
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from pydantic import Field, ValidationError, model_validator
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine.reading import parse_toml, printable, read_text
+from gantryctl.machine.tables.compensation import MAX_FAST_WAVES
 from gantryctl.machine.tables.fields import Table
 
 # As many as the compiled laws have places for (`MAP_HARMONICS` and the others of the core).
-MAP_HARMONICS: Final = 16
+MAP_HARMONICS: Final = 192
 REVERSAL_HARMONICS: Final = 12
 SCALE_HARMONICS: Final = 40
+FAST_WAVES: Final = MAX_FAST_WAVES
 
 _Amplitude = Annotated[float, Field(ge=-0.1, le=0.1)]
 Waves = Annotated[tuple[_Amplitude, ...], Field(min_length=1)]
@@ -52,6 +54,8 @@ class Unknown(StrEnum):
     NO_WINDUP = "no_windup"
     NO_FLANK = "no_flank"
     NO_SPEED_LOOP = "no_speed_loop"
+    NO_GAP = "no_gap"
+    OLDER = "older"
     TOO_WIDE = "too_wide"
 
     @property
@@ -66,14 +70,20 @@ _REASONS: Final = {
     Unknown.NO_FLANK: "acceleration turns the torque of the gears round, so backlash and wind-up cannot be told apart",
     Unknown.NO_SPEED_LOOP: "the speed loop of the drive does not answer like a PI with a lag: switch filters and "
     "observers of the drive off",
+    Unknown.NO_GAP: "the lead does not jump where the torque of the gears turns round: no backlash, or a torque that "
+    "turns round only with the motion; what there is of it stands in the lost motion",
+    Unknown.OLDER: "the calibration is older than this number; what there is of it stands in the lost motion",
     Unknown.TOO_WIDE: "on this travel and under these loads it cannot be told from other numbers",
 }
 
 Number: TypeAlias = Literal[
     "moment_sine_nm", "moment_cosine_nm", "inertia_kg_m2", "motor_inertia_kg_m2", "stiffness_nm_per_rad",
     "windup_per_acc_s2", "swing_hz", "friction_nm", "friction_load_ratio", "friction_nm_s_per_rad", "dead_time_s",
+    "backlash_rad", "friction_load_nm",
 ]  # fmt: skip
 NUMBERS: Final[tuple[Number, ...]] = get_args(Number)
+# Files of earlier versions say nothing about these.
+_LATER: Final[tuple[Number, ...]] = ("backlash_rad", "friction_load_nm")
 
 
 class Identified(Table):
@@ -90,6 +100,8 @@ class Identified(Table):
         friction_load_ratio: part of the transmitted torque that is lost beside it.
         friction_nm_s_per_rad: its growth with speed.
         dead_time_s: from the scan that computes a command until the torque answers it.
+        backlash_rad: way of the motor between both flanks, at the gantry.
+        friction_load_nm: part of `friction_nm` behind the mesh: with the moment it says on which flank the load lies.
     """
 
     moment_sine_nm: float | None = Field(default=None, ge=-1e8, le=1e8)
@@ -103,6 +115,8 @@ class Identified(Table):
     friction_load_ratio: float | None = Field(default=None, ge=-1.0, le=1.0)
     friction_nm_s_per_rad: float | None = Field(default=None, ge=-1e10, le=1e10)
     dead_time_s: float | None = Field(default=None, ge=0.0, le=0.1)
+    backlash_rad: float | None = Field(default=None, ge=0.0, le=0.1)
+    friction_load_nm: float | None = Field(default=None, ge=-1e8, le=1e8)
 
 
 class Maps(Table):
@@ -118,7 +132,7 @@ class Maps(Table):
     gear_rad: Waves = Field(max_length=2 * MAP_HARMONICS + 1)
     reversal_rad: Waves = Field(max_length=2 * REVERSAL_HARMONICS + 1)
     scale_rad: tuple[_Amplitude, ...] = Field(max_length=2 * SCALE_HARMONICS + 1)
-    fast: tuple[FastWave, ...] = Field(max_length=6)
+    fast: tuple[FastWave, ...] = Field(max_length=FAST_WAVES)
 
 
 class Calibration(Table):
@@ -161,6 +175,15 @@ class Calibration(Table):
         return value
 
 
+def _of_today(data: dict[str, Any]) -> dict[str, Any]:
+    """A file of an earlier version: numbers that it could not know are unknown."""
+    identified, unknown = data.get("identified"), data.get("unknown")
+    if not isinstance(identified, dict) or not isinstance(unknown, dict):
+        return data
+    later = {name: Unknown.OLDER.value for name in _LATER if name not in identified | unknown}
+    return {**data, "unknown": {**unknown, **later}}
+
+
 def load_calibration(path: Path) -> Calibration:
     """Read and check a calibration file.
 
@@ -168,7 +191,7 @@ def load_calibration(path: Path) -> Calibration:
         ConfigError: one line per problem, all of them.
     """
     name = printable(path, 300)
-    data = parse_toml(read_text(path), name)
+    data = _of_today(parse_toml(read_text(path), name))
     try:
         return Calibration.model_validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:

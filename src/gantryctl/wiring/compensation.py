@@ -94,6 +94,11 @@ def compensation_settings(machine: Machine) -> CompensationSettings | None:
     )
 
 
+def flank_torque_nm(machine: Machine) -> float:
+    """Torque in the mesh below which it is about to change its flank, N m at the axis."""
+    return _FLANK_SHARE * machine.motor.torque_rated_nm * machine.axis.ratio
+
+
 def _numbers(machine: Machine) -> dict[str, float]:
     """Values from the machine file."""
     config = machine.control.compensation
@@ -102,6 +107,7 @@ def _numbers(machine: Machine) -> dict[str, float]:
     return {
         "period_s": period_s,
         "torque_limit_nm": config.torque.limit_nm,
+        "flank_nm": flank_torque_nm(machine),
         "reversal_length_rad": rad(config.windup.reversal_length_deg),
         "fade_rad_s": 2.0 * math.pi * config.gear_map.fade_hz,
         "pos_limit_rad": rad(config.gear_map.limit_deg),
@@ -124,6 +130,8 @@ _LIVES_ON: Final[dict[str, tuple[Number, ...]]] = {
     "windup.active": ("moment_sine_nm", "moment_cosine_nm", "stiffness_nm_per_rad", "windup_per_acc_s2"),
     "damping.active": ("swing_hz", "windup_per_acc_s2"),
 }
+# Nearer to 0 than this part of the rated torque the mesh is about to change its flank: 1 kN m on the reference gantry.
+_FLANK_SHARE: Final = 0.0034
 
 
 def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
@@ -143,11 +151,15 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
     ]
     if lines:
         raise ConfigError(lines)
-    stiffness, swing_hz = found.stiffness_nm_per_rad, found.swing_hz
+    stiffness, swing_hz, ratio = found.stiffness_nm_per_rad, found.swing_hz, machine.axis.ratio
+    inertia, motor = found.inertia_kg_m2 or 0.0, found.motor_inertia_kg_m2 or machine.motor.inertia_kg_m2
     return {
         "moment_sine_nm": found.moment_sine_nm or 0.0,
         "moment_cosine_nm": found.moment_cosine_nm or 0.0,
-        "inertia_kg_m2": found.inertia_kg_m2 or 0.0,
+        "inertia_kg_m2": inertia,
+        "inertia_load_kg_m2": max(0.0, inertia - ratio * ratio * motor),
+        "friction_load_nm": found.friction_load_nm or 0.0,
+        "backlash_rad": found.backlash_rad or 0.0,
         "compliance_rad_per_nm": 1.0 / stiffness if stiffness else 0.0,
         "windup_per_acc_s2": found.windup_per_acc_s2 or 0.0,
         "swing_rad_s": 2.0 * math.pi * (swing_hz or 0.0),

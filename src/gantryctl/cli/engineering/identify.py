@@ -65,12 +65,14 @@ def identify(
     """Measure friction, eccentric moment, inertia, stiffness, gear map and dead time of this machine.
 
     Slow turns both ways, swings, a creep and an excited speed loop through the position loop, all compensations off,
-    while an instrument watches the load: some 20 minutes of axis time, by travel and speed. The controller's
+    while an instrument watches the load: some 26 minutes of axis time, by travel and speed. The controller's
     compensations live on the file that this writes and on nothing else. Each number has a 95 % interval; one that this
     travel and these loads do not show is named with the reason. On a bus only what the drive and the instrument say is
-    used. Where the load is simulated the identified values stand beside the truth.
+    used. A move each way that is not in the fit judges the maps: what they leave and comes again is named, and maps
+    that leave more than a third of the lead are refused. Where the load is simulated the identified values stand beside
+    the truth.
     """
-    from gantryctl.engineering.identification import calibration_of, comparisons, fit
+    from gantryctl.engineering.identification import calibration_of, check_valid, comparisons, fit
     from gantryctl.machine import calibration_toml
 
     need("scipy")
@@ -80,6 +82,7 @@ def identify(
     # Before the axis has moved for minutes, not after them.
     version = _next_version(path, force)
     found = fit(machine, _recorded(machine, instrument, seed, yes, quiet=as_json))
+    check_valid(machine, found)
     calibration = calibration_of(machine, found, datetime.date.today().isoformat(), version)
     write_text(path, calibration_toml(calibration))
     beside = comparisons(machine, calibration) if _is_simulated(machine) else []
@@ -160,7 +163,12 @@ def _next_version(path: Path, force: bool) -> int:
 def _show(
     path: Path, machine: Machine, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
 ) -> None:
-    from gantryctl.engineering.identification.text import numbers_table, truth_table, unknown_lines
+    from gantryctl.engineering.identification.text import (
+        lead_lines,
+        numbers_table,
+        truth_table,
+        unknown_lines,
+    )
 
     click.echo(
         f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by "
@@ -170,7 +178,7 @@ def _show(
         print_table(truth_table("Identified, beside the truth of the simulator", "found", beside, digits=6))
     else:
         print_table(numbers_table(calibration))
-    for line in ("", *unknown_lines(calibration)):
+    for line in ("", *lead_lines(found), *unknown_lines(calibration)):
         click.echo(line)
     swing, acc = calibration.identified.swing_hz, machine.virtual_axis.acc_deg_s2
     if swing is not None:
@@ -189,6 +197,7 @@ def _data(
         "file": str(path),
         "calibration": calibration.model_dump(mode="json"),
         "residual_deg": found.residual_deg,
+        "validation": {**found.validation._asdict(), "warned": found.validation.warned},
         "axis_time_s": found.recording.axis_time_s,
         "instrument_delay_s": found.delay_s,
         "balance": found.balance._asdict(),

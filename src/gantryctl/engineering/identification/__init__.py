@@ -4,7 +4,13 @@ The controller's compensations live on these numbers and on nothing else. The ru
 with all compensations off; the truth of a simulated plant is read only to say how wrong the numbers are.
 """
 
-from gantryctl.engineering.identification.fit import CalibrationFit, calibrate, calibration_of, fit
+from gantryctl.engineering.identification.fit import (
+    CalibrationFit,
+    calibrate,
+    calibration_of,
+    check_valid,
+    fit,
+)
 from gantryctl.engineering.identification.measure import AxisUnderTest, record
 from gantryctl.engineering.identification.on_batch import LoadInstrument, SimulatedAxis, calibrate_each
 from gantryctl.engineering.identification.on_engine import EngineAxis
@@ -20,6 +26,7 @@ __all__ = [
     "calibrate",
     "calibrate_each",
     "calibration_of",
+    "check_valid",
     "comparisons",
     "fit",
     "record",

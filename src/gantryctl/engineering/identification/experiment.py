@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from gantryctl.machine import Machine
-from gantryctl.machine.calibration import MAP_HARMONICS
 from gantryctl.machine.places import fitted_stretch_deg, reach_deg
 
 # `fade_hz` is meant as four times the first mode.
@@ -22,8 +21,12 @@ _PASSES_BELOW_MODE: Final = 0.5
 _TURN_MESH_PER_MODE: Final = 0.47
 # The fastest wave of the creep: seen 1.7 times as large, the same on every axis.
 _CREEP_WAVE_PER_MODE: Final = 0.64
-# Teeth of the mesh in the creep.
-_CREEP_TEETH: Final = 7.7
+# Beyond its fastest expected wave the creep shows no more than its rounding to two digits allows.
+_CREEP_BAND_PER_MODE: Final = 0.68
+# Turns of the slowest wave in the creep.
+_CREEP_TURNS: Final = 7.7
+# A motor and its reducer make waves of one turn, of two (a wave generator is an ellipse) and of four.
+_MOTOR_WAVES: Final = (1.0, 2.0, 4.0)
 # A turn of the axis takes ten minutes at most, where its speed allows it.
 _SLOWEST_TURN_DEG_S: Final = 0.6
 # Swings for inertia and wind-up, on both sides of 0: where an eccentric moment is large, acceleration does not turn
@@ -46,8 +49,9 @@ class Experiment:
     Attributes:
         low_deg, high_deg: ends of the slow turns: travel, or one turn of a longer one.
         turn_deg_s: speed of the slow turns; friction is steady.
-        slow_cycles, creep_cycles: waves per turn that are read from the slow turns, and from the creep.
+        turn_waves, creep_waves: largest number of waves per turn that the slow turns, and the creep, show.
         creep_deg_s: speed of the creep. creep_deg: its ends.
+        check_deg: ends of the move each way that no fit sees, at the speed of the slow turns.
         swings_deg: each from its inner to its outer end and back. swing_deg_s, swing_acc_deg_s2: of the swings.
         jerk_time_s: of the ramps. transient_s: after a change of the acceleration. settle_s: after a move.
         block_s: averaged to one sample.
@@ -57,10 +61,11 @@ class Experiment:
     low_deg: float
     high_deg: float
     turn_deg_s: float
-    slow_cycles: tuple[float, ...]
-    creep_cycles: tuple[float, ...]
+    turn_waves: float
+    creep_waves: float
     creep_deg_s: float
     creep_deg: tuple[float, float]
+    check_deg: tuple[float, float]
     swings_deg: tuple[tuple[float, float], ...]
     swing_deg_s: float
     swing_acc_deg_s2: float
@@ -77,6 +82,7 @@ class Experiment:
         way = self.high_deg - self.low_deg
         creep = self.creep_deg[1] - self.creep_deg[0]
         swings = sum(2.0 * abs(outer - inner) for inner, outer in self.swings_deg)
+        way += self.check_deg[1] - self.check_deg[0]
         turning_s = 2.0 * way / self.turn_deg_s + creep / self.creep_deg_s + 1.5 * swings / self.swing_deg_s
         return (turning_s + _SPEED_LOOP_S) / 60.0
 
@@ -86,26 +92,33 @@ def expected_mode_hz(machine: Machine) -> float:
     return machine.control.compensation.gear_map.fade_hz / _FADE_PER_MODE
 
 
+def expected_waves(machine: Machine) -> tuple[float, ...]:
+    """Waves per turn that the ratios make and the machine file lists: they are looked for first."""
+    axis = machine.axis
+    motor = (times * axis.ratio for times in _MOTOR_WAVES)
+    return tuple(
+        dict.fromkeys((*machine.control.compensation.gear_map.cycles_per_turn, axis.ring_ratio, *motor))
+    )
+
+
 def experiment_of(machine: Machine) -> Experiment:
     """The experiment that fits an axis; of [plant] it reads nothing."""
     mode_hz, top = expected_mode_hz(machine), machine.speed.setting_max_deg_s
-    fast = tuple(c for c in machine.control.compensation.gear_map.cycles_per_turn if c > MAP_HARMONICS)
-    mesh = min(fast, default=math.nan)
+    listed = machine.control.compensation.gear_map.cycles_per_turn
     least, most = reach_deg(machine)
     margin = min(_MARGIN_DEG, 0.05 * (most - least))
     low, high = fitted_stretch_deg(machine, -180.0, 180.0)
     low, high = max(low, least + margin), min(high, most - margin)
     turn = min(0.6 * top, max(top / 6.0, min(_SLOWEST_TURN_DEG_S, top)))
-    if fast:
-        turn = min(turn, _TURN_MESH_PER_MODE * mode_hz * 360.0 / mesh)
+    if listed:
+        turn = min(turn, _TURN_MESH_PER_MODE * mode_hz * 360.0 / min(listed))
     turn = _two_digits(turn)
-    slow = tuple(c for c in fast if c * turn / 360.0 <= _PASSES_BELOW_MODE * mode_hz)
-    rest = tuple(c for c in fast if c not in slow)
-    creep = min(turn, _CREEP_WAVE_PER_MODE * mode_hz * 360.0 / max(rest)) if rest else turn / 10.0
-    creep = _two_digits(creep)
+    turn_waves = _PASSES_BELOW_MODE * mode_hz * 360.0 / turn
+    fastest = max(*expected_waves(machine), turn_waves)
+    creep = _two_digits(min(turn, _CREEP_WAVE_PER_MODE * mode_hz * 360.0 / fastest))
     transient_s = 4.0 / mode_hz
-    # Long enough for the transient and as long again, and for the teeth to be told from the motor's turns.
-    creep_way = _two_digits(max(_CREEP_TEETH * 360.0 / mesh if fast else 0.0, 2.0 * transient_s * creep))
+    # Long enough for the transient and as long again, and for its waves to be told from each other.
+    creep_way = _two_digits(max(_CREEP_TURNS * 360.0 / turn_waves, 2.0 * transient_s * creep))
     swings, swing_deg_s, acc = _swings(machine, mode_hz)
     near, far = _SPEED_LOOP_DEG
     start = fitted_stretch_deg(machine, near, min(far, near + 0.5 * (most - least)))[0]
@@ -113,10 +126,11 @@ def experiment_of(machine: Machine) -> Experiment:
         low_deg=low,
         high_deg=high,
         turn_deg_s=turn,
-        slow_cycles=slow,
-        creep_cycles=rest,
+        turn_waves=turn_waves,
+        creep_waves=_CREEP_BAND_PER_MODE * mode_hz * 360.0 / creep,
         creep_deg_s=creep,
         creep_deg=fitted_stretch_deg(machine, -0.5 * creep_way, 0.5 * creep_way),
+        check_deg=(low + 0.25 * (high - low), high - 0.25 * (high - low)),
         swings_deg=swings,
         swing_deg_s=swing_deg_s,
         swing_acc_deg_s2=acc,

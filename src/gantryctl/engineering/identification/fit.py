@@ -10,24 +10,33 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop
-from gantryctl.engineering.identification.least_squares import estimate_of, solved
+from gantryctl.engineering.identification.experiment import Experiment, expected_waves
+from gantryctl.engineering.identification.lead import (
+    FastWaves,
+    Lead,
+    fit_lead,
+    harmonics_of,
+    wave_solution,
+    waves_of,
+)
+from gantryctl.engineering.identification.least_squares import estimate_of
 from gantryctl.engineering.identification.measure import AxisUnderTest, MotionRecording, record
 from gantryctl.engineering.identification.samples import Floats, Samples, joined
 from gantryctl.engineering.identification.torque_balance import BalanceFit, TorqueBalance, torque_balance
+from gantryctl.engineering.identification.validation import Validation, validated
+from gantryctl.engineering.identification.waves import Band, find_waves
+from gantryctl.errors import CriterionNotMet
 from gantryctl.machine import Calibration, Identified, Machine, Maps, Number, Unknown, identity_hash
-from gantryctl.machine.calibration import MAP_HARMONICS, REVERSAL_HARMONICS, SCALE_HARMONICS, Origin
+from gantryctl.machine.calibration import FAST_WAVES, SCALE_HARMONICS, Origin
 from gantryctl.units import rad
+from gantryctl.wiring.compensation import flank_torque_nm
 
 _DATE_OF_NOBODY: Final = "1970-01-01"
-# Of the rated torque, at the axis. Nearer to 0 the mesh is about to change its flank, and backlash would count as
-# wind-up: 2.5 kN m on the reference gantry.
-_FLANK_SHARE: Final = 0.0085
+# Of the torque at which the mesh changes its flank: nearer to 0 backlash would count as wind-up, 2.5 kN m on the
+# reference gantry.
+_SAFE_FLANKS: Final = 2.5
 # Fewer accelerated samples tell no wind-up from noise.
 _SAMPLES_MIN: Final = 50
-# Gears err by less than this: a wave that a short travel cannot tell from others stays as small.
-_WAVE_SPREAD_RAD: Final = 3e-4
-# What is left of one sample, as the prior weighs it.
-_SAMPLE_RAD: Final = 1e-5
 # What the model leaves out, in parts of the value: breakaway, hysteresis, three slopes of the spring (a loaded reducer
 # is up to 1.75 times as stiff), a load that swings at the ends of a ramp.
 _MODEL_SHARE: Final[dict[Number, float]] = {
@@ -42,6 +51,8 @@ _MODEL_SHARE: Final[dict[Number, float]] = {
     "friction_load_ratio": 0.25,
     "friction_nm_s_per_rad": 0.1,
     "dead_time_s": 0.15,
+    "backlash_rad": 0.25,
+    "friction_load_nm": 0.2,
 }
 # A number of its own size is known when its interval does not reach 0; these may be 0, or are parts. Friction may be 0
 # too: it is known when its interval is smaller than the torque at which the gears change their flank.
@@ -50,6 +61,7 @@ _KNOWN_WITHIN: Final[dict[Number, float]] = {
     "moment_cosine_nm": math.inf,
     "friction_nm_s_per_rad": math.inf,
     "friction_load_ratio": 0.3,
+    "friction_load_nm": math.inf,
 }
 # Wind-up per acceleration before it is measured: of a mode of 0.05 Hz.
 _WINDUP_SPREAD: Final = np.array([10.0, 1.0, 1e-2, 1e-2])
@@ -61,7 +73,9 @@ class CalibrationFit:
 
     Attributes:
         half_width: half of the 95 % interval of each number. unknown: numbers that could not be identified.
-        residual_deg: rms of the slow turns after the fit.
+        residual_deg: rms of the slow turns after the fit. left_over: waves per turn that the law has no place for.
+        lead: what they show.
+        validation: what the model leaves of a move that was not in the fit.
         balance: moment, inertia and friction in parts.
         delay_s: of the instrument against the motor encoder.
         recording: what it was found from.
@@ -72,6 +86,9 @@ class CalibrationFit:
     unknown: dict[Number, Unknown]
     maps: Maps
     residual_deg: float
+    left_over: list[float]
+    lead: Lead
+    validation: Validation
     balance: TorqueBalance
     delay_s: float
     recording: MotionRecording
@@ -93,25 +110,31 @@ def fit(machine: Machine, recording: MotionRecording) -> CalibrationFit:
     motor_inertia = loop.inertia_kg_m2 if loop else machine.motor.inertia_kg_m2
     lack = loop.sampled_torque_lack_kg_m2(machine.control.scan_period_ms * 1e-3) if loop else 0.0
     balanced = torque_balance(joined([turns, swings]), machine.axis.ratio, motor_inertia, lack)
-    mesh, rest = experiment.slow_cycles, experiment.creep_cycles
-    lead, reversal, waves, residual = _fit_turns(turns, mesh)
-    flank_nm = _FLANK_SHARE * machine.motor.torque_rated_nm * machine.axis.ratio
-    windup, delay_s = _fit_windup(swings, lead, reversal, balanced.balance, flank_nm)
+    balance, expected = balanced.balance, expected_waves(machine)
+    flank_nm = flank_torque_nm(machine)
+    lead = fit_lead(
+        turns,
+        balance.mesh_torque_nm(turns, accelerating=False),
+        flank_nm,
+        Band(0.0, experiment.turn_waves),
+        expected,
+    )
+    windup, delay_s = _fit_windup(swings, lead, balance, flank_nm)
     # What the delay makes of two directions is no lost motion.
-    reversal[0] -= delay_s * rad(experiment.turn_deg_s)
-    identified, half_width, unknown = _numbers(balanced, loop, windup, flank_nm)
+    lead.reversal_rad[0] -= delay_s * rad(experiment.turn_deg_s)
+    identified, half_width, unknown = _numbers(balanced, loop, windup, lead, flank_nm)
     # Without a mode a wave is as large in passing as at rest.
     swing_hz = identified.swing_hz or math.inf
-    found = [
-        *_static(mesh, waves, experiment.turn_deg_s, swing_hz),
-        *_static(
-            rest,
-            _fit_creep(recording.creep, rest, (machine.axis.ring_ratio, *mesh)),
-            experiment.creep_deg_s,
-            swing_hz,
-        ),
-    ]
-    gear = _without_windup(lead, identified, found, rad(machine.axis.start_angle_deg))
+    found = _static(lead.waves, experiment.turn_deg_s, swing_hz)
+    found += _static(
+        _fit_creep(recording.creep, lead, found, balance, flank_nm, experiment, expected, swing_hz),
+        experiment.creep_deg_s,
+        swing_hz,
+    )
+    # The largest where there are more than the law carries.
+    found.sort(key=lambda wave: -math.hypot(*wave[1:]))
+    found, left_over = sorted(found[:FAST_WAVES]), [wave[0] for wave in found[FAST_WAVES:]]
+    gear = _without_windup(lead.mean_rad, identified, found, rad(machine.axis.start_angle_deg))
     scale = (
         _fit_scale(turns, rad(machine.axis.start_angle_deg))
         if recording.has_ring and recording.sees_space
@@ -119,23 +142,64 @@ def fit(machine: Machine, recording: MotionRecording) -> CalibrationFit:
     )
     maps = Maps(
         gear_rad=tuple(gear.tolist()),
-        reversal_rad=tuple(reversal.tolist()),
+        reversal_rad=tuple(lead.reversal_rad.tolist()),
         scale_rad=scale,
         fast=tuple(found),
     )
+    check = recording.check
+    validation = validated(
+        lead,
+        turns,
+        check,
+        balance.mesh_torque_nm(check, accelerating=False),
+        flank_nm,
+        delay_s,
+        experiment.turn_waves,
+    )
+    residual_deg = math.degrees(float(np.sqrt(np.mean(lead.left_rad**2))))
     return CalibrationFit(
-        identified, half_width, unknown, maps, math.degrees(residual), balanced.balance, delay_s, recording
+        identified,
+        half_width,
+        unknown,
+        maps,
+        residual_deg,
+        left_over,
+        lead,
+        validation,
+        balance,
+        delay_s,
+        recording,
     )
 
 
 def calibrate(axis: AxisUnderTest, *, date: str = _DATE_OF_NOBODY, version: int = 1) -> Calibration:
-    """Record and fit: the calibration of an axis."""
-    return calibration_of(axis.machine, fit(axis.machine, record(axis)), date, version)
+    """Record and fit: the calibration of an axis.
+
+    Raises:
+        CriterionNotMet: the maps leave too much of what they are for.
+    """
+    found = fit(axis.machine, record(axis))
+    check_valid(axis.machine, found)
+    return calibration_of(axis.machine, found, date, version)
+
+
+def check_valid(machine: Machine, found: CalibrationFit) -> None:
+    """Refuse maps that leave more than a third of the lead, and the same again each time.
+
+    Raises:
+        CriterionNotMet: with what is left.
+    """
+    if found.validation.refused:
+        raise CriterionNotMet(
+            f"{machine.name}: {found.validation.words}; more than a third of the lead is left, so no calibration is "
+            "written: look at the gears there, or name the wave in [control.compensation.gear_map] cycles_per_turn"
+        )
 
 
 def calibration_of(machine: Machine, found: CalibrationFit, date: str, version: int) -> Calibration:
-    """The calibration file of a fit."""
-    recording = found.recording
+    """The calibration file of a fit, rounded to a hundredth of what is known: the same on every computer."""
+    recording, half = found.recording, found.half_width
+    map_place = math.radians(found.validation.left_deg) * 1e-4
     origin = Origin(
         machine=machine.name,
         version=version,
@@ -147,41 +211,30 @@ def calibration_of(machine: Machine, found: CalibrationFit, date: str, version: 
     )
     return Calibration(
         origin=origin,
-        identified=found.identified,
-        half_width=found.half_width,
+        identified=Identified(
+            **{name: _rounded(getattr(found.identified, name), 0.01 * half[name]) for name in half}
+        ),
+        half_width={name: _rounded(width, 0.01 * width) for name, width in half.items()},
         unknown=found.unknown,
-        maps=found.maps,
+        maps=Maps(
+            gear_rad=_all_rounded(found.maps.gear_rad, map_place),
+            reversal_rad=_all_rounded(found.maps.reversal_rad, map_place),
+            scale_rad=_all_rounded(found.maps.scale_rad, map_place),
+            fast=tuple(
+                (c, _rounded(sine, map_place), _rounded(cosine, map_place))
+                for c, sine, cosine in found.maps.fast
+            ),
+        ),
     )
 
 
-def waves_of(angle_rad: Floats, cycles: Sequence[float]) -> Floats:
-    """Columns sin(c x), cos(c x) for each c: shape (samples, 2 x cycles)."""
-    columns = [f(c * angle_rad) for c in cycles for f in (np.sin, np.cos)]
-    return np.stack(columns, axis=1) if columns else np.empty((len(angle_rad), 0))
+def _rounded(value: float, least: float) -> float:
+    """A value to the decimal place of `least`, the smallest part of it that means something."""
+    return round(value, -math.floor(math.log10(least))) if least > 0.0 else value
 
 
-def harmonics_of(angle_rad: Floats, count: int) -> Floats:
-    """Columns 1, sin x, cos x, sin 2x ...: shape (samples, 2 count + 1)."""
-    return np.column_stack([np.ones_like(angle_rad), waves_of(angle_rad, range(1, count + 1))])
-
-
-def _solve(columns: Floats, wanted: Floats, free: int = 0) -> Floats:
-    """Least squares, waves of the gear kept as small as gears are; the first `free` columns are no waves."""
-    prior = np.full(columns.shape[1], _SAMPLE_RAD / _WAVE_SPREAD_RAD)
-    prior[:free] = 0.0
-    return solved(columns, wanted, prior)
-
-
-def _fit_turns(turns: Samples, mesh: Sequence[float]) -> tuple[Floats, Floats, Floats, float]:
-    """Mean map, reversal map and mesh waves, with the rms of what is left."""
-    at, lead = turns.act_rad, turns.act_rad - turns.load_rad
-    mean = harmonics_of(at, MAP_HARMONICS)
-    turned = mean[:, : 2 * REVERSAL_HARMONICS + 1] * turns.direction[:, np.newaxis]
-    columns = np.column_stack([mean, turned, waves_of(at, mesh)])
-    x = _solve(columns, lead, free=1)
-    left = lead - columns @ x
-    first, second = mean.shape[1], mean.shape[1] + turned.shape[1]
-    return x[:first], x[first:second], x[second:], float(np.sqrt(np.mean(left**2)))
+def _all_rounded(values: Sequence[float], least: float) -> tuple[float, ...]:
+    return tuple(_rounded(value, least) for value in values)
 
 
 class _Windup(NamedTuple):
@@ -193,18 +246,19 @@ class _Windup(NamedTuple):
 
 
 def _fit_windup(
-    swings: Samples, lead: Floats, reversal: Floats, balance: TorqueBalance, flank_nm: float
+    swings: Samples, lead: Lead, balance: TorqueBalance, flank_nm: float
 ) -> tuple[_Windup, float]:
     """Lead per acceleration and per speed beyond the maps, where the mesh stays on the flank of the slow turns."""
     with_acc, without = (balance.mesh_torque_nm(swings, accelerating=a) for a in (True, False))
-    same_flank = (with_acc * without > 0.0) & (np.minimum(abs(with_acc), abs(without)) > flank_nm)
+    same_flank = (with_acc * without > 0.0) & (
+        np.minimum(abs(with_acc), abs(without)) > _SAFE_FLANKS * flank_nm
+    )
     used = swings.where(same_flank)
     accelerated = int(np.count_nonzero(np.abs(used.acc_rad_s2) > 1e-9))
     if accelerated < _SAMPLES_MIN:
         return _Windup(0.0, math.inf, Unknown.NO_FLANK), 0.0
     at = used.act_rad
-    expected = harmonics_of(at, MAP_HARMONICS) @ lead
-    expected += used.direction * (harmonics_of(at, REVERSAL_HARMONICS) @ reversal)
+    expected = lead.at(used, balance.mesh_torque_nm(used), flank_nm)
     columns: Floats = np.column_stack([used.acc_rad_s2, used.vel_rad_s, used.direction, np.ones_like(at)])
     wanted = at - used.load_rad - expected
     found: Floats = np.asarray(np.linalg.lstsq(columns, wanted, rcond=None)[0])
@@ -214,28 +268,57 @@ def _fit_windup(
     return _Windup(float(found[0]), half_width, unknown), float(found[1])
 
 
-def _fit_creep(creep: Samples, cycles: Sequence[float], slower: Sequence[float]) -> Floats:
-    """Waves of the reducer; slower parts of the map are a parabola, and pinion and mesh, over so short a way."""
+def _fit_creep(
+    creep: Samples,
+    lead: Lead,
+    slow: FastWaves,
+    balance: TorqueBalance,
+    flank_nm: float,
+    experiment: Experiment,
+    expected: Sequence[float],
+    swing_hz: float,
+) -> FastWaves:
+    """Waves too fast for the slow turns, as they pass; what maps and slower waves leave is a parabola."""
     at = creep.act_rad
-    slow = np.column_stack([np.ones_like(at), at, at**2, waves_of(at, slower)])
-    columns = np.column_stack([slow, waves_of(at, cycles)])
-    return _solve(columns, at - creep.load_rad, free=slow.shape[1])[slow.shape[1] :]
+    wanted = at - creep.load_rad - lead.at(creep, balance.mesh_torque_nm(creep, accelerating=False), flank_nm)
+    for wave, sine, cosine in slow:
+        larger = _seen_larger(wave, experiment.creep_deg_s, swing_hz)
+        wanted = wanted - larger * (waves_of(at, [wave]) @ np.array([sine, cosine]))
+    bend = np.column_stack([np.ones_like(at), at, at**2])
+
+    def columns(cycles: Sequence[float]) -> Floats:
+        return np.column_stack([bend, waves_of(at, cycles)])
+
+    def left(cycles: Sequence[float]) -> Floats:
+        return np.asarray(
+            wanted - columns(cycles) @ wave_solution(columns(cycles), wanted, free=bend.shape[1])
+        )
+
+    # A creep of some degrees tells a wave from its neighbours less well than a turn does.
+    cycles = find_waves(
+        at,
+        left,
+        Band(experiment.turn_waves, experiment.creep_waves),
+        [*expected, *(wave[0] for wave in lead.shaken)],
+    )
+    pairs = wave_solution(columns(cycles), wanted, free=bend.shape[1])[bend.shape[1] :].reshape(-1, 2)
+    return [(c, float(sine), float(cosine)) for c, (sine, cosine) in zip(cycles, pairs, strict=True)]
 
 
-def _static(
-    cycles: Sequence[float], waves: Floats, speed_deg_s: float, swing_hz: float
-) -> list[tuple[float, float, float]]:
+def _static(waves: FastWaves, speed_deg_s: float, swing_hz: float) -> FastWaves:
     """Waves as they are at rest, from waves seen while passing."""
-    found = []
-    for k, c in enumerate(cycles):
-        share = c * rad(speed_deg_s) / (2.0 * math.pi) / swing_hz
-        seen_larger = 1.0 / (1.0 - share * share)
-        found.append((c, float(waves[2 * k] / seen_larger), float(waves[2 * k + 1] / seen_larger)))
-    return found
+    larger = [_seen_larger(c, speed_deg_s, swing_hz) for c, _, _ in waves]
+    return [(c, sine / by, cosine / by) for (c, sine, cosine), by in zip(waves, larger, strict=True)]
+
+
+def _seen_larger(cycles: float, speed_deg_s: float, swing_hz: float) -> float:
+    """How much larger a wave is seen in passing than at rest: the load is a mass on a spring."""
+    share = cycles * rad(speed_deg_s) / (2.0 * math.pi) / swing_hz
+    return 1.0 / (1.0 - share * share)
 
 
 def _numbers(
-    balanced: BalanceFit, loop: SpeedLoop | None, windup: _Windup, flank_nm: float
+    balanced: BalanceFit, loop: SpeedLoop | None, windup: _Windup, lead: Lead, flank_nm: float
 ) -> tuple[Identified, dict[Number, float], dict[Number, Unknown]]:
     """The numbers with their intervals, and those that could not be identified."""
     balance, half = balanced.balance, balanced.half_width
@@ -269,7 +352,12 @@ def _numbers(
         values["stiffness_nm_per_rad"] = (
             stiffness, stiffness * math.hypot(half["inertia_load_kg_m2"] / load, ratio),
         )  # fmt: skip
-    known_within = {**_KNOWN_WITHIN, "friction_nm": max(flank_nm, values["friction_nm"][0])}
+    if lead.backlash_rad is None:
+        unknown["backlash_rad"] = Unknown.NO_GAP
+    else:
+        values["backlash_rad"] = (lead.backlash_rad, lead.backlash_half_width_rad)
+    values["friction_load_nm"] = (balance.friction_load_side_nm, half["friction_load_side_nm"])
+    known_within = {**_KNOWN_WITHIN, "friction_nm": max(_SAFE_FLANKS * flank_nm, values["friction_nm"][0])}
     for name, (value, half_width) in list(values.items()):
         if not half_width < known_within.get(name, value):
             unknown[name] = Unknown.TOO_WIDE
@@ -298,7 +386,7 @@ def _without_windup(
         sine * math.sin(cycles * zero_rad) + cosine * math.cos(cycles * zero_rad)
         for cycles, sine, cosine in fast
     )
-    gear[0] = -(float(harmonics_of(np.array([zero_rad]), MAP_HARMONICS)[0, 1:] @ lead[1:]) + waves)
+    gear[0] = -(float(harmonics_of(np.array([zero_rad]), len(lead) // 2)[0, 1:] @ lead[1:]) + waves)
     return gear
 
 
@@ -306,6 +394,6 @@ def _fit_scale(turns: Samples, zero_rad: float) -> tuple[float, ...]:
     """Load-side encoder minus load over its own angle, both directions together; 0 at `zero_rad`."""
     columns = harmonics_of(turns.ring_rad, SCALE_HARMONICS)
     both = np.column_stack([turns.direction, columns])
-    scale = _solve(both, turns.ring_rad - turns.load_rad, free=2)[1:]
+    scale = wave_solution(both, turns.ring_rad - turns.load_rad, free=2)[1:]
     scale[0] = -harmonics_of(np.array([zero_rad]), SCALE_HARMONICS)[0, 1:] @ scale[1:]
     return tuple(float(v) for v in scale)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from gantryctl.engineering.identification.samples import Floats
+
+# Groups of stretches that are left out of a fit in turn.
+_GROUPS: Final = 8
 
 
 class Estimate(NamedTuple):
@@ -49,6 +53,57 @@ def solved(columns: Floats, wanted: Floats, prior: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(with_prior, np.append(wanted, np.zeros(len(prior))), rcond=None)[0])
 
 
+class StretchSums:
+    """Squares of a least-squares problem by groups of stretches: any of its columns are solved without the samples.
+
+    Args:
+        columns: shape (samples, n). wanted: shape (samples,).
+        stretch: piece of motion that each sample belongs to.
+    """
+
+    def __init__(self, columns: Floats, wanted: Floats, stretch: Floats) -> None:
+        # Stretches of one group lie far apart, so neither loses all that it was fitted to there.
+        pieces = _pieces(np.asarray(np.unique(stretch, return_inverse=True)[1] % _GROUPS, dtype=np.float64))
+        self._count = len(wanted)
+        self._squares = np.array([columns[rows].T @ columns[rows] for rows in pieces])
+        self._sums = np.array([columns[rows].T @ wanted[rows] for rows in pieces])
+        self._wanted = np.array([wanted[rows] @ wanted[rows] for rows in pieces])
+        self._whole, self._both = self._squares.sum(axis=0), self._sums.sum(axis=0)
+
+    def solution(self, places: Sequence[int], prior: Floats) -> Floats:
+        """Solution of the columns at `places`, with a prior as of `solved`."""
+        square = self._whole[np.ix_(places, places)] + np.diag(prior**2)
+        return np.asarray(np.linalg.solve(square, self._both[places]))
+
+    def left_out(self, places: Sequence[int], prior: Floats) -> float:
+        """R.m.s. of what the solution leaves of each group of stretches that was left out of its fit."""
+        chosen = np.ix_(range(len(self._squares)), places, places)
+        squares, sums = self._squares[chosen], self._sums[:, places]
+        whole = self._whole[np.ix_(places, places)] + np.diag(prior**2)
+        without = np.linalg.solve(whole - squares, (self._both[places] - sums)[:, :, np.newaxis])[:, :, 0]
+        left = (
+            self._wanted
+            - 2.0 * np.einsum("pi,pi->p", without, sums)
+            + np.einsum("pi,pij,pj->p", without, squares, without)
+        )
+        return float(np.sqrt(max(0.0, float(left.sum())) / self._count))
+
+
+def cross_validated(columns: Floats, wanted: Floats, prior: Floats, stretch: Floats) -> float:
+    """R.m.s. of what a solution with a prior leaves of each stretch that was left out of its fit.
+
+    Args:
+        columns, wanted, prior: as of `solved`. stretch: piece of motion that each sample belongs to.
+    """
+    return StretchSums(columns, wanted, stretch).left_out(range(columns.shape[1]), prior)
+
+
+def _pieces(stretch: Floats) -> list[np.ndarray]:
+    """Rows of each stretch."""
+    order = np.argsort(stretch, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(stretch[order])) + 1)
+
+
 def estimate_of(values: Floats, columns: Floats, left: Floats, stretch: Floats, spread: Floats) -> Estimate:
     """How sure a least-squares solution is.
 
@@ -65,8 +120,7 @@ def estimate_of(values: Floats, columns: Floats, left: Floats, stretch: Floats, 
     noise = float(np.mean(left**2))
     # In parts of the spread: sizes from 0.1 to 1e7 stand in one matrix.
     scaled = columns * spread
-    order = np.argsort(stretch, kind="stable")
-    pieces = np.split(order, np.flatnonzero(np.diff(stretch[order])) + 1)
+    pieces = _pieces(stretch)
     squares = np.array([scaled[rows].T @ scaled[rows] for rows in pieces])
     sums = np.array([scaled[rows].T @ left[rows] for rows in pieces])
     # What was known before counts as a source too: else a direction that no sample sees would be known exactly.

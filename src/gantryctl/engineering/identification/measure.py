@@ -83,6 +83,7 @@ class MotionRecording:
 
     Attributes:
         turns: slow turns, forward and back. swings: faster moves, steady stretches. creep: a slow crawl.
+        check: a part of the turns once more, which no fit sees.
         experiment: places, speeds and times.
         speed_loop: of the drive, as measured; None where it does not answer like a PI with a lag.
         instrument: what watched the load. sees_space: it measures the load in space.
@@ -94,6 +95,7 @@ class MotionRecording:
     turns: Samples
     swings: Samples
     creep: Samples
+    check: Samples
     experiment: Experiment
     speed_loop: SpeedLoop | None
     instrument: str
@@ -124,7 +126,7 @@ def quiet_machine(machine: Machine) -> Machine:
 
 
 def record(axis: AxisUnderTest) -> MotionRecording:
-    """Turn slowly through the travel both ways, swing at both sides, creep, and excite the speed loop.
+    """Turn slowly through the travel both ways, swing at both sides, creep, excite the speed loop, and check.
 
     Raises:
         AlarmStop: the axis was stopped.
@@ -143,7 +145,10 @@ def record(axis: AxisUnderTest) -> MotionRecording:
     start, end = experiment.creep_deg
     axis.go(start, fast)
     creep = steady(axis.go(end, experiment.creep_deg_s), experiment, cruise_only=True)
-    parts = (joined(turns), joined(swings), creep)
+    first, last = experiment.check_deg
+    axis.go(first, fast)
+    check = [steady(axis.go(to, experiment.turn_deg_s), experiment, cruise_only=True) for to in (last, first)]
+    parts = (joined(turns), joined(swings), creep, joined(check))
     return MotionRecording(
         *parts,
         experiment=experiment,

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from gantryctl.engineering.identification.fit import CalibrationFit
 from gantryctl.engineering.identification.truth import LABELS, Comparison
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.machine import NUMBERS, Calibration
+from gantryctl.machine.calibration import FAST_WAVES, MAP_HARMONICS
 
 
 def truth_table(title: str, head: str, rows: Iterable[Comparison], digits: int) -> TextTable:
@@ -37,6 +39,21 @@ def numbers_table(calibration: Calibration) -> TextTable:
         if name in found
     )
     return TextTable("Identified", ("", "found", "+- (95 %)", ""), rows)
+
+
+def lead_lines(found: CalibrationFit) -> list[str]:
+    """What the map holds, the waves beside it, and how it does on a move that was not in the fit."""
+    lead, fast = found.lead, found.maps.fast
+    waves = ", ".join(f"{cycles:g}" for cycles, _, _ in sorted(fast)) or "none"
+    lines = [
+        f"map of {lead.order} waves per turn of {MAP_HARMONICS} that the law carries, lost motion of "
+        f"{len(lead.reversal_rad) // 2}; single waves per turn: {waves} ({len(fast)} of {FAST_WAVES})"
+    ]
+    if found.left_over:
+        lines.append(
+            f"warning: the law has no place for the waves {', '.join(f'{c:g}' for c in found.left_over)}"
+        )
+    return [*lines, f"{'warning: ' if found.validation.warned else ''}{found.validation.words}"]
 
 
 def unknown_lines(calibration: Calibration) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gantryctl import _core
 from gantryctl.engineering.identification.experiment import experiment_of
-from gantryctl.engineering.identification.fit import waves_of
+from gantryctl.engineering.identification.lead import waves_of
 from gantryctl.machine import Calibration, Machine, Number
 from gantryctl.units import rad
 from gantryctl.wiring.simulator import drive_params, plant_params
@@ -26,6 +26,8 @@ LABELS: Final[dict[Number, tuple[str, str]]] = {
     "friction_load_ratio": ("friction per load", ""),
     "friction_nm_s_per_rad": ("friction per speed", "N m s/rad"),
     "dead_time_s": ("dead time", "s"),
+    "backlash_rad": ("backlash", "rad"),
+    "friction_load_nm": ("Coulomb friction behind the mesh", "N m"),
 }
 
 
@@ -70,6 +72,8 @@ def comparisons(machine: Machine, calibration: Calibration) -> list[Comparison]:
         "friction_nm": friction,
         "friction_load_ratio": p.motor_load_ratio * p.motor_friction,
         "dead_time_s": _dead_time_s(machine),
+        "backlash_rad": 2.0 * p.half_backlash_rad * p.backlash,
+        "friction_load_nm": p.roller_coulomb_nm * p.roller_friction,
     }
     map_found, map_true = _maps(machine, p, calibration)
     return [

@@ -13,7 +13,7 @@ from pydantic import Field
 from gantryctl.machine.tables.fields import Table, number, numbers, switch, table, text
 
 # The compiled law has as many places (`FAST_WAVES` of the core).
-MAX_FAST_WAVES = 6
+MAX_FAST_WAVES = 12
 # Compensations that live on identified values.
 NEED_CALIBRATION: Final = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
@@ -35,11 +35,10 @@ class GearMapTable(Table):
 
     active: bool = switch(False, "Apply the map.")
     cycles_per_turn: tuple[Annotated[float, Field(ge=1.0, le=1e5)], ...] = numbers(
-        (338.0, 1144.0, 2288.0, 4576.0),
-        1,
+        (),
+        0,
         MAX_FAST_WAVES,
-        "Waves per turn of the axis to identify beside the slow ones: tooth mesh, motor, wave generator.",
-        "derived",
+        "Waves per turn of the axis that are known, such as the tooth mesh; identification finds others too.",
     )
     fade_hz: float = number(
         8.0, 0.1, 100.0, "A wave that passes faster is no longer followed: torque for nothing."

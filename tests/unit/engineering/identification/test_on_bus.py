@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from gantryctl.engineering.analysis.measured.speed_loop import (
 from gantryctl.engineering.identification import EngineAxis, SimulatedAxis
 from gantryctl.engineering.identification.experiment import experiment_of
 from gantryctl.engineering.identification.fit import _fit_windup
+from gantryctl.engineering.identification.lead import Lead
 from gantryctl.engineering.identification.measure import quiet_machine
 from gantryctl.engineering.identification.samples import MoveLog, Samples, joined, steady
 from gantryctl.engineering.identification.torque_balance import torque_balance
@@ -155,7 +158,8 @@ def test_a_late_instrument_is_found_out_and_its_delay_is_no_lost_motion() -> Non
     ]
     parts = joined(swings)
     balance = torque_balance(parts, MACHINE.axis.ratio, 0.362, 0.0).balance
-    _, delay_s = _fit_windup(parts, np.zeros(33), np.zeros(25), balance, 2500.0)
+    none = Lead(np.zeros(33), np.zeros(25), [], [], None, math.inf, np.zeros(0), 0.0)
+    _, delay_s = _fit_windup(parts, none, balance, 1000.0)
     # 8 % of the gear error of 80 deg looks like speed without a map: 0.002 of 3.5 deg/s
     assert delay_s == pytest.approx(0.1, abs=0.002)
 

@@ -20,7 +20,7 @@ from gantryctl.engineering.identification import (
     fit,
     record,
 )
-from gantryctl.engineering.identification.experiment import experiment_of
+from gantryctl.engineering.identification.experiment import expected_waves, experiment_of
 from gantryctl.engineering.identification.fit import CalibrationFit, calibration_of
 from gantryctl.engineering.identification.text import numbers_table, unknown_lines
 from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
@@ -67,11 +67,11 @@ def outside(rows: list[Comparison]) -> list[str]:
 
 def test_the_experiment_of_the_reference_gantry_is_the_one_that_its_numbers_were_found_with() -> None:
     experiment = experiment_of(default_machine())
-    assert (experiment.turn_deg_s, experiment.creep_deg_s, experiment.creep_deg) == (1.0, 0.1, (-4.1, 4.1))
+    assert (experiment.turn_deg_s, experiment.creep_deg_s, experiment.creep_deg) == (1.0, 0.1, (-3.85, 3.85))
     assert (experiment.swing_deg_s, experiment.swing_acc_deg_s2) == (3.5, 0.3)
     assert experiment.swings_deg == ((-50.0, -130.0), (50.0, 130.0))
     assert (experiment.speed_loop_deg, experiment.speed_loop_deg_s) == (60.0, 1.0)
-    assert experiment.slow_cycles == (338.0,)
+    assert experiment.turn_waves == 360.0
 
 
 @pytest.mark.parametrize("name", CONFIGS)
@@ -84,11 +84,10 @@ def test_the_experiment_goes_with_speeds_and_the_first_mode(name: str) -> None:
     assert experiment.swing_deg_s <= machine.speed.setting_max_deg_s
     assert experiment.swing_acc_deg_s2 <= machine.virtual_axis.acc_deg_s2
     # every wave that is read passes below the mode: 0.64 of it, and two digits of rounding
-    assert all(c * experiment.turn_deg_s / 360.0 < 0.51 * mode_hz for c in experiment.slow_cycles)
-    assert all(c * experiment.creep_deg_s / 360.0 < 0.68 * mode_hz for c in experiment.creep_cycles)
-    assert set(experiment.slow_cycles + experiment.creep_cycles) == set(
-        machine.control.compensation.gear_map.cycles_per_turn
-    )
+    assert experiment.turn_waves * experiment.turn_deg_s / 360.0 < 0.51 * mode_hz
+    assert experiment.creep_waves * experiment.creep_deg_s / 360.0 < 0.69 * mode_hz
+    # and all that the ratios make are within reach
+    assert max(expected_waves(machine)) < experiment.creep_waves
 
 
 def test_a_small_stiff_table_is_identified_with_the_loads_that_swing_in_its_band() -> None:
@@ -100,7 +99,8 @@ def test_a_small_stiff_table_is_identified_with_the_loads_that_swing_in_its_band
     assert loop.misfit < 3.0
     rows = comparisons(axis_of("rotary_table"), calibration)
     assert not outside(rows)
-    assert not calibration.unknown
+    # the flank changes near the ends of its motion alone, so the gap stands in the lost motion
+    assert dict(calibration.unknown) in ({}, {"backlash_rad": Unknown.NO_GAP})
     by_name = {row.name: row for row in rows}
     # what the model leaves out of a reducer that stiffens; the others to some per cent
     assert abs(by_name["inertia of load and motor"].error_percent) < 2.0
@@ -114,7 +114,8 @@ def test_a_tilt_axis_of_a_hundred_degrees_is_identified_with_a_map_of_its_travel
     _, calibration = found("my_tilt_table")
     rows = comparisons(machine, calibration)
     assert not outside(rows)
-    assert not calibration.unknown
+    # the flank changes near the ends of its motion alone, so the gap stands in the lost motion
+    assert dict(calibration.unknown) in ({}, {"backlash_rad": Unknown.NO_GAP})
     by_name = {row.name: row for row in rows}
     # both parts of the moment from a hundred degrees: 1 % and its interval
     assert by_name["eccentric moment, sine"].error_percent == pytest.approx(0.0, abs=1.0)

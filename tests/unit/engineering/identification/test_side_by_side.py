@@ -55,7 +55,7 @@ def test_many_are_identified_as_each_alone() -> None:
     with one_blas_thread():
         first, rigid, second = calibrate_each(machines, [1, 2, 3])
         assert not isinstance(rigid, Exception)
-        assert set(rigid.unknown) == {"windup_per_acc_s2", "stiffness_nm_per_rad", "swing_hz"}
+        assert set(rigid.unknown) == {"windup_per_acc_s2", "stiffness_nm_per_rad", "swing_hz", "backlash_rad"}
         files = []
         for found, machine, seed in ((first, machines[0], 1), (second, machines[2], 3)):
             assert not isinstance(found, Exception)
