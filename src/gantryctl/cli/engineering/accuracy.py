@@ -39,7 +39,9 @@ from gantryctl.extras import need
 from gantryctl.units import SIGNED
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.accuracy.budget import Budget
     from gantryctl.engineering.accuracy.procedure.procedures import Procedure
+    from gantryctl.engineering.accuracy.table import ErrorTable
     from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine, Requirement
 
@@ -191,6 +193,11 @@ _judged_by = click.option(
     type=PATH,
     help="Machine file whose [required] judges; without it see --required.",
 )
+_budget_option = choice_option(
+    "--budget",
+    ("tracker", "level", "autocollimator", "ring-encoder", "ring-encoder-2-heads"),
+    "Instrument whose errors make the uncertainty budget of A, by its data sheet.",
+)
 _required_option = click.option(
     "--required", "required_deg", type=FINITE, help="Required accuracy, deg, in place of a machine file's."
 )
@@ -211,6 +218,7 @@ def _required(machine: Machine | None, required_deg: float | None) -> Requiremen
 @accuracy.command()
 @_judged_by
 @_required_option
+@_budget_option
 @click.option(
     "--measured", type=INPUT, required=True, help="CSV of an instrument: chords in mm or errors in deg."
 )
@@ -228,6 +236,7 @@ def _required(machine: Machine | None, required_deg: float | None) -> Requiremen
 def report(
     config_file: Path | None,
     required_deg: float | None,
+    budget: str,
     measured: Path,
     radius_m: float | None,
     motor_side: bool,
@@ -265,6 +274,7 @@ def report(
         required=_required(machine, required_deg),
         dial=SIGNED if machine is None else machine.axis.dial,
         of_reference=machine is not None and is_reference_machine(machine),
+        budget=None if motor_side else _table_budget(table, budget, radius_m),
     )
     measured_by = MeasuredBy(measured_with or f"not named; readings from {measured.name}", certificate)
     return finish(result, machine, made, measured_by, out or DEFAULT_OUT, as_json)
@@ -274,10 +284,16 @@ def report(
 @click.argument("table", type=INPUT)
 @_judged_by
 @_required_option
+@_budget_option
 @click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
 @json_option
 def stats(
-    table: Path, config_file: Path | None, required_deg: float | None, radius_m: float | None, as_json: bool
+    table: Path,
+    config_file: Path | None,
+    required_deg: float | None,
+    budget: str,
+    radius_m: float | None,
+    as_json: bool,
 ) -> int:
     """Statistics of an error table (CSV: base_deg, direction, displacement_deg, error_deg or chord_mm).
 
@@ -285,6 +301,7 @@ def stats(
     --required, and gets no verdict without either. Exit code 1 when the criterion is not met.
     """
     from gantryctl.cli.engineering.accuracy_end import exit_code
+    from gantryctl.engineering.accuracy.budget import budget_data
     from gantryctl.engineering.accuracy.report.data import table_data, verdict_data
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.report.text import text_report
@@ -300,12 +317,27 @@ def stats(
         origin=Origin.MEASURED, radius_m=radius_m, required=_required(machine, required_deg),
         dial=SIGNED if machine is None else machine.axis.dial,
         of_reference=machine is not None and is_reference_machine(machine),
+        budget=_table_budget(errors, budget, radius_m),
     )  # fmt: skip
     if as_json:
-        print_json({**table_data(errors), "verdict": verdict_data(made.verdict)})
+        print_json(
+            {**table_data(errors), "verdict": verdict_data(made.verdict), "budget": budget_data(made.budget)}
+        )
     else:
         click.echo(text_report(made))
     return exit_code(made)
+
+
+def _table_budget(table: ErrorTable, instrument: str, radius_m: float | None) -> Budget | None:
+    """Budget of A of a table, by the data sheet of an instrument; None for one row, which has no A."""
+    from gantryctl.engineering.accuracy.budget import table_budget
+    from gantryctl.engineering.accuracy.table import Layout
+    from gantryctl.engineering.instruments.sources import sources_of
+
+    if len(table.rows) < 2 or table.layout is not Layout.APART:
+        return None
+    sources = sources_of(instrument) if radius_m is None else sources_of(instrument, radius_m)
+    return table_budget(table, f"{instrument.replace('-', ' ')} by its data sheet, no certificate", sources)
 
 
 @accuracy.command()

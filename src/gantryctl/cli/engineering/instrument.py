@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from gantryctl.cli.options import (
+    choice_option,
     config_option,
     json_option,
     machine_of,
@@ -49,26 +50,34 @@ def read(address: str, as_json: bool) -> int:
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=Whole(0, 65535), default=4711, show_default=True, help="0 takes a free one.")
+@choice_option(
+    "--kind",
+    ("tracker", "level", "autocollimator", "ring-encoder", "ring-encoder-2-heads"),
+    "What it is: the errors of its data sheet.",
+)
 @seed_option
-def sim(config_file: Path | None, control: Path, host: str, port: int, seed: int) -> int:
-    """A simulated laser tracker that watches the load of a virtual drive, until Ctrl-C or SIGTERM.
+def sim(config_file: Path | None, control: Path, host: str, port: int, kind: str, seed: int) -> int:
+    """A simulated instrument that watches the load of a virtual drive, until Ctrl-C or SIGTERM.
 
-    Radius and noise are those of [accuracy]; the centre of its circle, a scale and a drift are drawn once by the seed.
+    Radius and noise of a tracker are those of [accuracy]. What is systematic is drawn once by the seed, the rest at
+    every reading; a stand drifts between them.
     """
     import threading
 
     from gantryctl.drives.virtual.side_channel.control import ControlClient
-    from gantryctl.engineering.instruments import SimulatedTracker, TrackerErrors
     from gantryctl.engineering.instruments.line_server import LineServer
+    from gantryctl.engineering.instruments.sources import SimulatedInstrument, sources_of
     from gantryctl.units import deg
 
     accuracy = machine_of(config_file).accuracy
-    errors = TrackerErrors(accuracy.chord_radius_m, accuracy.tracker_noise_um)
+    sources = sources_of(kind, accuracy.chord_radius_m, accuracy.tracker_noise_um)
     stop = threading.Event()
     with ControlClient(control) as drive:
-        tracker = SimulatedTracker(lambda _: deg(float(drive.ask("truth")["pos_load_rad"])), seed, errors)
-        with LineServer(tracker, lambda: float(drive.ask("truth")["time_s"]), host, port) as server:
-            click.echo(f"{tracker.name}: tcp:{host}:{server.port}")
+        watching = SimulatedInstrument(
+            kind, lambda _: deg(float(drive.ask("truth")["pos_load_rad"])), sources, seed
+        )
+        with LineServer(watching, lambda: float(drive.ask("truth")["time_s"]), host, port) as server:
+            click.echo(f"{watching.name}: tcp:{host}:{server.port}")
             with stop_signals(stop.set):
                 stop.wait()
     return 0

@@ -9,6 +9,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
+from gantryctl.engineering.accuracy.budget import Budget, budget, procedure_figure, stop_times_s
 from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind, measure
 from gantryctl.engineering.accuracy.procedure.on_batch import Readings, random_gear, run_procedure
 from gantryctl.engineering.accuracy.procedure.on_engine import Progress, run_on_engine
@@ -19,6 +20,7 @@ from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import FloatArray
 from gantryctl.engineering.batch import expected
+from gantryctl.engineering.instruments.sources import sources_of
 from gantryctl.engineering.report.origin import origin_of
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
@@ -121,7 +123,26 @@ def accuracy_report(
         speed=speed,
         ensemble=ensemble_a(machine, job, gears) if job.ensemble else None,
         notes=_notes(machine, speeds),
+        budget=_budget(machine, job, readings),
     )
+
+
+def _budget(machine: Machine, job: AccuracyJob, readings: Readings) -> Budget | None:
+    """Of A as the instrument of the job sees it; a motor encoder has none, because it does not see the load."""
+    if job.instrument is InstrumentKind.MOTOR_SIDE:
+        return None
+    accuracy, procedure = machine.accuracy, job.procedure
+    if job.instrument is InstrumentKind.TRACKER:
+        name, sources = (
+            "laser tracker",
+            sources_of("tracker", accuracy.chord_radius_m, accuracy.tracker_noise_um),
+        )
+    else:
+        name, sources = "encoder on the ring", sources_of("ring-encoder")
+    # A stop takes its share of the run; none is much longer.
+    times = stop_times_s(len(procedure.stops), readings.axis_time_s / len(procedure.stops))
+    figure = procedure_figure(procedure)
+    return budget(name, figure, np.degrees(readings.load_rad[0]), times, sources, seed=job.seed)
 
 
 def _notes(machine: Machine, speeds_deg_s: tuple[float, ...]) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ line_port    one behind a line of text: TCP, serial
 line_server  the other end: an instrument of this process, served to others
 by_hand      a person who reads and gives the number
 ring_encoder the encoder on the ring of the machine itself
+sources      what makes the angle of a tracker, level, autocollimator or ring encoder wrong, and instruments made of it
 tracker      a simulated laser tracker with its errors
 load_encoder, motor_side: what an encoder makes of the mean angles of a simulated dwell, rad: first the load in
              space, then, where known, the ring against its base, then the motor at the gantry

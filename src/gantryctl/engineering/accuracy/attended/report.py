@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gantryctl.engineering.accuracy.attended.session import ChordSession
+from gantryctl.engineering.accuracy.budget import stated_budget
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure, evaluate
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
@@ -54,6 +55,7 @@ def session_report(
         of_reference=is_reference_machine(machine),
         simulated=_table(procedure, np.degrees(run_procedure([machine], procedure).load_rad[0])),
         uncertainty=chord_uncertainty(procedure, angles_deg, session.uncertainties_deg()),
+        budget=stated_budget(procedure, angles_deg, session.uncertainties_deg()),
     )
 
 

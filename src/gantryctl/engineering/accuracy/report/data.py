@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from gantryctl.engineering.accuracy.budget import budget_data
 from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_NAME
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, SpeedRun
 from gantryctl.engineering.accuracy.statistics import statistics
@@ -43,6 +44,7 @@ def report_data(report: AccuracyReport) -> dict[str, Any]:
         },
         "verdict": verdict_data(report.verdict),
         "uncertainty": _uncertainty(report),
+        "budget": budget_data(report.budget),
         "comparison": _comparison(report),
         "ensemble": None if gears is None else {**plain(gears), "distribution": plain(gears.distribution)},
         "speed_test": {

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gantryctl.engineering.accuracy.budget import Budget
 from gantryctl.engineering.accuracy.gear import gear_study, worth_of_the_fit
 from gantryctl.engineering.accuracy.iso230 import IsoFigures, iso230_2
 from gantryctl.engineering.accuracy.noise import Distribution
@@ -177,6 +178,7 @@ class AccuracyReport:
         of_reference: the machine is the reference machine: the paper's figures stand beside its own.
         simulated: the same test on the model of a measured machine, true angles.
         uncertainty: of the measured table, from the uncertainties of its readings.
+        budget: of A, by the sources of error of the instrument; None where nothing tells the instrument.
         dial: how people read the bases, which are angles of the axis.
     """
 
@@ -210,6 +212,7 @@ class AccuracyReport:
     of_reference: bool = False
     simulated: ErrorTable | None = None
     uncertainty: ChordUncertainty | None = None
+    budget: Budget | None = None
     dial: Dial = SIGNED
 
     @property

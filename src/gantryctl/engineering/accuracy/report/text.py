@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
+from gantryctl.engineering.accuracy.budget import budget_text
 from gantryctl.engineering.accuracy.iso230 import IsoFigures
 from gantryctl.engineering.accuracy.noise import Distribution
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside, SpeedRun
@@ -84,6 +85,7 @@ def text_report(report: AccuracyReport) -> str:
     blocks = [
         text_table(report.table, report.beside, _table_title(report), report.dial),
         _headline(report),
+        "" if report.budget is None else budget_text(report.budget),
         _iso_lines(report),
         speed_lines(report.speed),
         "\n".join(_wrapped(f"warning: {warning}") for warning in report.warnings),

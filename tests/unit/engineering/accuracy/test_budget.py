@@ -1,0 +1,137 @@
+"""The budget of A against its Monte Carlo, against noise in coordinates, and against instruments that measure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gantryctl.engineering.accuracy.budget import (
+    budget,
+    budget_text,
+    procedure_figure,
+    stated_budget,
+    stop_times_s,
+    table_budget,
+)
+from gantryctl.engineering.accuracy.noise import a_draws
+from gantryctl.engineering.accuracy.paper import PAPER_TABLE
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
+from gantryctl.engineering.accuracy.table import ErrorTable
+from gantryctl.engineering.instruments.sources import SimulatedInstrument, Source, sources_of
+from gantryctl.errors import UsageError
+from support.command_line import cli, done
+
+PROCEDURE = chord_procedure("A")
+TARGETS = np.degrees(PROCEDURE.targets_rad)
+# A gear error of some waves: far enough from a perfect axis for A to be nearly a line in small errors.
+ANGLES = (
+    TARGETS + 0.004 * np.sin(np.radians(7.0 * TARGETS + 30.0)) + 0.002 * np.sin(np.radians(3.0 * TARGETS))
+)
+TIMES = stop_times_s(len(ANGLES))
+FIGURE = procedure_figure(PROCEDURE)
+
+
+def smaller(sources: tuple[Source, ...], by: float) -> list[Source]:
+    return [replace(source, value=source.value / by) for source in sources]
+
+
+def test_small_errors_are_what_the_law_of_propagation_says() -> None:
+    """A tenth of a tracker's: the maximum of eq. (6) stays where it is, and the draws have 1.96 u on either side."""
+    found = budget("t", FIGURE, ANGLES, TIMES, smaller(sources_of("tracker"), 10.0), draws=4000)
+    # Quantiles of 4,000 draws are known to 3 %, and uniform sources have shorter tails.
+    assert found.high_deg == pytest.approx(1.96 * found.combined_deg, rel=0.12)
+    assert found.low_deg == pytest.approx(-1.96 * found.combined_deg, rel=0.12)
+    rows = [row.contribution_deg for row in found.contributions]
+    assert found.combined_deg == pytest.approx(math.sqrt(sum(row**2 for row in rows)))
+    assert all(
+        row.contribution_deg == pytest.approx(row.sensitivity * row.value) for row in found.contributions
+    )
+
+
+def test_noise_alone_is_that_of_two_coordinates() -> None:
+    """The other way: noise on x and y of every point, chords between the points, A of each draw."""
+    noise = [source for source in sources_of("tracker", noise_um=1.0) if source.name.startswith("noise")]
+    found = budget("t", FIGURE, ANGLES, TIMES, noise)
+    drawn = a_draws(PROCEDURE, np.radians(ANGLES), 2.5, 1e-6, draws=2000)
+    assert found.combined_deg == pytest.approx(float(np.std(drawn)), rel=0.06)
+
+
+def test_degrees_of_freedom_are_those_of_welch_and_satterthwaite() -> None:
+    line = lambda angles: angles[..., 0]  # noqa: E731
+    one = lambda a, _: np.ones((len(a), 1))  # noqa: E731
+    sources = [
+        Source("a", 3.0, "deg", "normal", one, degrees_of_freedom=8.0),
+        Source("b", 4.0, "deg", "normal", one),
+    ]
+    found = budget("t", line, np.zeros(1), np.zeros(1), sources)
+    assert found.combined_deg == pytest.approx(5.0)
+    # 5^4 / (3^4 / 8).
+    assert found.degrees_of_freedom == pytest.approx(625.0 * 8.0 / 81.0)
+    assert found.expanded_deg == pytest.approx(10.0)
+
+
+def measured_a(sources: list[Source], seed: int) -> float:
+    """A of a test by an instrument that measures, reading by reading."""
+    stops = iter(ANGLES)
+    instrument = SimulatedInstrument("t", lambda _: float(next(stops)), sources, seed)
+    return float(FIGURE(np.array([instrument.read(time).angle_deg for time in TIMES])))
+
+
+def test_the_interval_covers_what_instruments_measure_and_not_what_a_liar_does() -> None:
+    """40 tests by trackers of the data sheet: 95 +- 10 %. By trackers with three times its errors far fewer."""
+    sources = list(sources_of("tracker"))
+    found, true = budget("t", FIGURE, ANGLES, TIMES, sources), float(FIGURE(ANGLES))
+
+    def covered(of: list[Source]) -> int:
+        return sum(found.low_deg <= measured_a(of, seed) - true <= found.high_deg for seed in range(40))
+
+    assert covered(sources) >= 34
+    assert covered([replace(source, value=3.0 * source.value) for source in sources]) < 28
+
+
+def test_a_table_has_its_rounding_as_a_source() -> None:
+    found = table_budget(PAPER_TABLE, "tracker", sources_of("tracker"))
+    rounding = found.contributions[-1]
+    assert rounding.name == "rounding of the table (+-5e-05 deg)"
+    assert rounding.value == pytest.approx(0.5e-4 / math.sqrt(3.0))
+    exact = ErrorTable(
+        PAPER_TABLE.rows, PAPER_TABLE.displacements_deg, PAPER_TABLE.errors_deg * (1.0 + 1e-9 * math.pi)
+    )
+    assert (
+        len(table_budget(exact, "tracker", sources_of("tracker")).contributions)
+        == len(found.contributions) - 1
+    )
+    # Two of five rows measured by a level are worth less than by a tracker: 0.05 % of 20 deg are 0.01 deg.
+    level = table_budget(PAPER_TABLE, "level", sources_of("level"))
+    assert level.combined_deg > found.combined_deg
+
+
+def test_readings_of_which_only_a_statement_is_known_are_one_row() -> None:
+    stated = np.full(len(ANGLES), 2e-4)
+    found = stated_budget(PROCEDURE, ANGLES, stated)
+    (row,) = found.contributions
+    assert row.value == 2e-4
+    slope = [
+        float(FIGURE(ANGLES + 1e-6 * (np.arange(len(ANGLES)) == k)) - FIGURE(ANGLES)) / 1e-6
+        for k in range(len(ANGLES))
+    ]
+    assert found.combined_deg == pytest.approx(2e-4 * math.sqrt(sum(each**2 for each in slope)), rel=1e-3)
+    with pytest.raises(UsageError, match="no reading has an uncertainty"):
+        stated_budget(PROCEDURE, ANGLES, np.zeros(len(ANGLES)))
+
+
+def test_every_a_has_its_budget_beside_it() -> None:
+    answer = done("accuracy", "stats", "paper_table2.csv").out
+    assert "uncertainty of A, tracker by its data sheet, no certificate" in answer
+    assert "expanded, k = 2: " in answer
+    assert max(len(line) for line in answer.splitlines()) <= 100
+    data = done("accuracy", "stats", "paper_table2.csv", "--budget", "level", "--json").json["budget"]
+    assert data["instrument"] == "level by its data sheet, no certificate"
+    assert data["expanded_deg"] == pytest.approx(2.0 * data["combined_deg"])
+    blind = cli("accuracy", "stats", "paper_table2.csv", "--budget", "autocollimator")
+    assert (blind.code, "--displacement 15" in blind.err) == (2, True)
+    found = budget_text(table_budget(PAPER_TABLE, "t", sources_of("ring-encoder-2-heads")))
+    assert max(len(line) for line in found.splitlines()) <= 100
