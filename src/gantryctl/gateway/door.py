@@ -104,7 +104,9 @@ class Door(uvicorn.Server):
         for connection, peer in arrivals:
             try:
                 self._waiting.add(connection, str(peer[0]), self._party(connection, peer))
-            except (OSError, MemoryError):  # gone, or nothing left to take it with
+            except (
+                Exception
+            ):  # gone, or nothing left to take it with: whatever it is, the door stays open for others
                 connection.close()
 
     def _party(self, connection: socket.socket, peer: tuple[Any, ...]) -> str:
