@@ -69,6 +69,8 @@ def consistent_changes(draw):
         elif spec.kind == "word":
             changes[path] = spec.words[int(draw(0.0, len(spec.words) - 0.001))]
     changes["axis.kind"] = "linear"
+    # A cycle passes at most a quarter of a period of the cogging: 127 us at the highest ceiling and ratio drawn here.
+    changes["plant.switches.cogging"] &= cycle < 120.0
     _agree(changes)
     changes["can.stepped"] &= not changes["can.commissioning_required"]
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output

@@ -98,6 +98,7 @@ RUNS: dict[str, list[str]] = {
     "instrument read": ["instrument", "read", "tcp:127.0.0.1:47113"],
     "accuracy stats": ["accuracy", "stats", "paper_table2.csv"],
     "accuracy gear": ["accuracy", "gear"],
+    "accuracy isocentre": ["accuracy", "isocentre", "--step-deg", "30"],
     "can scan": ["can", "scan", "--config", str(CAN)],
     "can log": ["can", "log", "bus.log"],
     "drive status": ["drive", "status", "--config", str(CAN)],

@@ -607,6 +607,10 @@ ELSEWHERE = {
     "accuracy.average_s": "accuracy",
     "monitors.unheld_power_time_s": "the service: tests/unit/service/test_unheld_power.py",
     "plant.load.eccentric_check_moment_nm": "rules between keys",
+    **dict.fromkeys(
+        (path for path in field_specs() if path.startswith("plant.structure.")),
+        "gantryctl accuracy isocentre",
+    ),
     "plant.load_encoder.fitted": "the simulated ring: tests/physics/test_encoder.py",
     "plant.load_encoder.bits": "the simulated ring",
     "plant.load_encoder.noise_rad": "the simulated ring",

@@ -25,7 +25,7 @@ UNITS: Final = {
     "r_min": "r/min", "nm": "N m", "nm_per_rad": "N m/rad", "nm_s_per_rad": "N m s/rad", "kg": "kg",
     "kg_m2": "kg m2", "m": "m", "mm": "mm", "um": "um", "s": "s", "ms": "ms", "us": "us", "days": "d", "hours": "h",
     "hz": "Hz", "c": "degC", "per_s": "1/s", "kw": "kW", "a": "A", "turns": "turns",
-    "k": "K", "per_k": "1/K", "nm_per_rad2": "N m/rad2", "nm_per_rad3": "N m/rad3",
+    "n_per_m": "N/m", "k": "K", "per_k": "1/K", "nm_per_rad2": "N m/rad2", "nm_per_rad3": "N m/rad3",
     "per_turn": "1/turn", "cycles_per_turn": "-",
 }  # fmt: skip
 

@@ -273,6 +273,40 @@ class WindTable(Table):
         return abs(self.moment_nm) * (1.0 + 7.0 * self.turbulence)
 
 
+class StructureTable(Table):
+    """[plant.structure]: what bends under its own weight; `gantryctl accuracy isocentre` reads it, no run does."""
+
+    tube_mass_kg: float = number(1.2e5, 0.0, 1e8, "Of the part that bends between the rings.", "estimate")
+    # 1 mm of sag, and a fifth less across the side that is open for the patient.
+    tube_stiffness_radial_n_per_m: float = number(1.2e9, 1e3, 1e14, "Towards the nozzle.", "estimate")
+    tube_stiffness_tangential_n_per_m: float = number(1.5e9, 1e3, 1e14, "Across it.", "estimate")
+    nozzle_mass_kg: float = number(
+        4000.0, 0.0, 1e7, "Nozzle, or what stands for it on another axis.", "estimate"
+    )
+    nozzle_stiffness_radial_n_per_m: float = number(1.5e8, 1e3, 1e14, "Of its mount, radially.", "estimate")
+    nozzle_stiffness_tangential_n_per_m: float = number(8.0e7, 1e3, 1e14, "Of its mount, across.", "estimate")
+    nozzle_tilt_stiffness_nm_per_rad: float = number(5.0e8, 1e3, 1e15, "Of its mount, tilting.", "estimate")
+    nozzle_radius_m: float = number(2.5, 0.0, 50.0, "From its mount to the isocentre.", "estimate")
+    nozzle_reach_m: float = number(1.0, 0.0, 50.0, "Its centre of mass from its mount, inwards.", "estimate")
+    nozzle_overhang_m: float = number(0.3, -20.0, 20.0, "The same, along the axis.", "estimate")
+    nozzle_place: float = number(0.4, -1.0, 2.0, "Between front ring (0) and rear ring (1).", "estimate")
+    ring_distance_m: float = number(6.0, 0.01, 100.0, "From front to rear ring.", "estimate")
+    roller_angle_deg: float = number(
+        30.0, 5.0, 80.0, "Of the rollers to either side of the lowest point.", "estimate"
+    )
+    front_track_um: tuple[Annotated[float, Field(ge=0.0, le=5000.0)], ...] = numbers(
+        (80.0, 30.0, 15.0),
+        1,
+        8,
+        "Track of the front ring: amplitudes of 2, 3, ... waves per turn.",
+        "estimate",
+    )
+    rear_track_um: tuple[Annotated[float, Field(ge=0.0, le=5000.0)], ...] = numbers(
+        (60.0, 30.0, 15.0), 1, 8, "Track of the rear ring.", "estimate"
+    )
+    track_seed: int = number(1, 0, 2**31 - 1, "Seed of the phases of the tracks.")
+
+
 class PlantBrakeTable(Table):
     """[plant.brake]: how the closed brake gives way."""
 
@@ -385,6 +419,7 @@ class PlantTable(Table):
     thermal: ThermalTable = table("Temperatures.", ThermalTable)
     ageing: AgeingTable = table("Breakaway after rest.", AgeingTable)
     cable: CableTable = table("Cable chain.", CableTable)
+    structure: StructureTable = table("What bends.", StructureTable)
     brake: PlantBrakeTable = table("Brake lining.", PlantBrakeTable)
     encoder: PlantEncoderTable = table("Mounting of the motor encoder.", PlantEncoderTable)
     load_encoder: LoadEncoderTable = table("Encoder on the ring.", LoadEncoderTable)

@@ -1,0 +1,90 @@
+"""Way of the isocentre: weight and tracks by their closed forms, and the smallest circle of a star shot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gantryctl.engineering.accuracy.isocentre import isocentre, smallest_star
+from gantryctl.machine import default_machine, with_values
+
+ANGLES = np.arange(-180.0, 180.0, 15.0)
+ROUND = {"front_track_um": (0.0,), "rear_track_um": (0.0,)}
+
+
+def found(changes: dict[str, Any]) -> Any:
+    return isocentre(
+        with_values(default_machine(), {f"plant.structure.{key}": value for key, value in changes.items()}),
+        ANGLES,
+    )
+
+
+def test_weight_alone_sags_and_goes_round_twice_a_turn_and_the_star_shot_sees_none_of_it() -> None:
+    """1e5 kg on 1e9 and 2e9 N/m: z = -W (cos^2/kr + sin^2/kt), x = W sin cos (1/kt - 1/kr)."""
+    changes = ROUND | {
+        "tube_mass_kg": 1e5, "tube_stiffness_radial_n_per_m": 1e9, "tube_stiffness_tangential_n_per_m": 2e9,
+        "nozzle_mass_kg": 0.0,
+    }  # fmt: skip
+    iso, t, weight = found(changes), np.deg2rad(ANGLES), 9.81e5
+    x = weight * np.sin(t) * np.cos(t) * (1 / 2e9 - 1 / 1e9)
+    z = -weight * (np.cos(t) ** 2 / 1e9 + np.sin(t) ** 2 / 2e9)
+    assert np.allclose(iso.shift_mm, 1e3 * np.stack([x, 0 * x, z], axis=1), atol=1e-12)
+    assert iso.star_radius_mm < 1e-12
+    assert not np.any(iso.tilt_mrad)
+    # All beams cross where the tangential sag has put them: z = -W/kt.
+    assert iso.star_centre_mm == pytest.approx((0.0, -1e3 * weight / 2e9), abs=1e-12)
+
+
+def test_the_nozzle_tilts_by_the_moment_of_its_centre_of_mass() -> None:
+    """At 90 deg its weight of 1 kN pulls along u_t: 1 m further in and 0.5 m along the axis, on 1e6 N m/rad."""
+    changes = ROUND | {
+        "tube_mass_kg": 0.0, "nozzle_mass_kg": 1e3 / 9.81, "nozzle_reach_m": 1.0, "nozzle_overhang_m": 0.5,
+        "nozzle_tilt_stiffness_nm_per_rad": 1e6, "nozzle_radius_m": 2.0,
+        "nozzle_stiffness_radial_n_per_m": 1e14, "nozzle_stiffness_tangential_n_per_m": 1e14,
+    }  # fmt: skip
+    iso = found(changes)
+    side = iso.tilt_mrad[ANGLES == 90.0][0]
+    assert side == pytest.approx([0.0, -1.0, -0.5], abs=1e-9)
+    # Turned by -1 mrad about y, the isocentre 2 m further in goes 2 mm along u_t, which is downwards there.
+    assert iso.shift_mm[ANGLES == 90.0][0] == pytest.approx([0.0, 0.0, -2.0], abs=1e-6)
+    top = iso.tilt_mrad[ANGLES == 0.0][0]
+    assert top == pytest.approx([-0.5, 0.0, 0.0], abs=1e-9)
+    assert iso.shift_mm[ANGLES == 0.0][0] == pytest.approx([0.0, -1.0, 0.0], abs=1e-6)
+
+
+def test_a_track_lifts_its_ring_over_two_rollers() -> None:
+    """Two waves of 100 um on both rings, rollers at 45 deg: sum and difference of the two heights, by phase."""
+    changes = {"front_track_um": (100.0,), "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
+               "roller_angle_deg": 45.0, "nozzle_place": 0.0, "ring_distance_m": 5.0}  # fmt: skip
+    iso = found(changes)
+    # Rollers 90 deg apart are half a wave of two: their heights are opposite, so z stays and x has 100/sin 45.
+    assert np.max(np.abs(iso.shift_mm[:, 2])) < 1e-12
+    fine = np.max(np.abs(iso.shift_mm[:, 0]))
+    assert 0.95 * 0.1 * math.sqrt(2.0) < fine <= 0.1 * math.sqrt(2.0) + 1e-12
+    # The rear ring stays: the tube turns about the vertical by x / 5 m.
+    assert iso.tilt_mrad[ANGLES == 0.0][0, 2] == pytest.approx(
+        iso.shift_mm[ANGLES == 0.0][0, 0] / 5.0, abs=1e-12
+    )
+    assert iso.star_radius_mm > 0.01
+
+
+def test_the_smallest_circle_of_three_lines_is_the_one_inside_their_triangle() -> None:
+    """Equal offsets at 0, 120 and 240 deg: radius = offset; a common shift of the centre changes nothing."""
+    angle = np.deg2rad([0.0, 120.0, 240.0])
+    centre, radius = smallest_star(angle, np.full(3, 0.7))
+    assert radius == pytest.approx(0.7, rel=1e-12)
+    assert centre == pytest.approx((0.0, 0.0), abs=1e-12)
+    moved, same = smallest_star(angle, 0.7 + 0.3 * np.cos(angle) - 0.2 * -np.sin(angle))
+    assert same == pytest.approx(0.7, rel=1e-12)
+    assert moved == pytest.approx((0.3, -0.2), abs=1e-12)
+
+
+def test_no_other_centre_has_a_smaller_circle() -> None:
+    iso, t = found({}), np.deg2rad(ANGLES)
+    x, z = iso.star_centre_mm
+    for dx, dz in ((0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01), (0.001, 0.001)):
+        worst = np.max(np.abs((x + dx) * np.cos(t) - (z + dz) * np.sin(t) - iso.lateral_mm))
+        assert worst >= iso.star_radius_mm
