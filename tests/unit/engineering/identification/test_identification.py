@@ -161,6 +161,7 @@ def test_backlash_is_identified_as_such(found: CalibrationFit) -> None:
     assert found.half_width["backlash_rad"] < 0.35 * true
 
 
+@pytest.mark.slow
 def test_without_backlash_none_is_made_up() -> None:
     """Hysteresis of 2 kN m and friction of 6 are no gap of more than 2 urad, a tenth of the nominal one."""
     machine = with_values(improved_machine(), {"plant.switches.backlash": False})
@@ -175,7 +176,11 @@ WITHOUT_ENCODER_DEG = {
 """A of the paper's loop by procedure A, on machines whose gear is in no list."""
 
 
-@pytest.mark.parametrize("name", WITHOUT_ENCODER_DEG)
+# The others take 5 s each.
+SLOW_MACHINES = [pytest.param(name, marks=pytest.mark.slow) for name in list(WITHOUT_ENCODER_DEG)[1:]]
+
+
+@pytest.mark.parametrize("name", ["backlash", *SLOW_MACHINES])
 def test_machines_that_no_list_knows_are_better_than_a_third_of_the_papers_loop(name: str) -> None:
     paper_deg, changes = WITHOUT_ENCODER_DEG[name]
     machine = with_values(improved_machine(), changes)
