@@ -103,9 +103,9 @@ def test_a_plan_that_the_axis_cannot_do_names_what_fits() -> None:
         chord_test(tilt, bases_deg=(90.0,))
     # What was named fits indeed.
     assert chord_test(tilt, bases_deg=(75.0,)).travel_deg == (55.0, 95.0)
-    with pytest.raises(UsageError, match=r"the setting goes from 0.1 to 1 r/min"):
+    with pytest.raises(UsageError, match=r"the setting goes from 0.6 to 6 deg/s"):
         speeds_to_test(tilt, (6.6,))
-    with pytest.raises(UsageError, match=r"the setting goes from 0.1 to 1 r/min"):
+    with pytest.raises(UsageError, match=r"the setting goes from 0.6 to 6 deg/s"):
         speeds_to_test(tilt, (float("nan"),))
 
 
