@@ -17,7 +17,7 @@ namespace nb = nanobind;
 using namespace gantry;
 using Law = Compensation<double>;
 using Params = CompensationParams<double>;
-using Result = std::tuple<double, double, double, double, double>;
+using Result = std::tuple<double, double, double, double, double, double>;
 using Numbers = std::map<std::string, double>;
 using Switches = std::map<std::string, bool>;
 using Waves = std::vector<std::tuple<double, double, double>>;
@@ -71,8 +71,13 @@ void set_numbers(Params& p, Numbers given) {
   for (double x : {p.period_s, p.reversal_length_rad, p.fade_rad_s, p.flank_nm})
     if (!(x > 0.0))
       throw std::invalid_argument("period_s, reversal_length_rad, fade_rad_s and flank_nm must be positive");
-  for (double x : {p.torque_limit_nm, p.pos_limit_rad, p.backlash_rad, p.encoder_limit_rad,
-                   p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
+  if (p.moment_observer && !(p.moment_limit_nm > 0.0 && p.friction_spread_nm > 0.0))
+    throw std::invalid_argument("moment_limit_nm and friction_spread_nm must be positive");
+  if (!(p.observer_memory > 0.0 && p.observer_memory <= 1.0))
+    throw std::invalid_argument("observer_memory must lie above 0, and be 1 at most");
+  for (double x :
+       {p.observer_speed_rad_s, p.observer_weight, p.observer_rate, p.torque_limit_nm, p.pos_limit_rad,
+        p.backlash_rad, p.encoder_limit_rad, p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
     if (!(x >= 0.0)) throw std::invalid_argument("a limit of the compensation is negative");
 }
 
@@ -97,10 +102,10 @@ Params make_params(const Switches& switches, const Numbers& numbers, const std::
 }
 
 Result run(Law& law, const PositionLawParams<double>& position, const SetPoint<double>& r, double counts,
-           double ring) {
-  const auto out = compensated_law(position, law.p, law.s, r, counts, ring);
-  return {out.law.vel_cmd_rad_s, out.law.pos_act_rad, out.law.pos_err_rad, out.torque_ff_nm,
-          out.disagreement_rad};
+           double ring, double torque_nm) {
+  const auto out = compensated_law(position, law.p, law.s, r, counts, ring, torque_nm);
+  return {out.law.vel_cmd_rad_s, out.law.pos_act_rad,  out.law.pos_err_rad,
+          out.torque_ff_nm,      out.disagreement_rad, out.moment_change_nm};
 }
 
 // The axis begins to follow anew; direction and bias describe the machine and stay, unless they are no
@@ -166,23 +171,25 @@ void bind_compensation(nb::module_& m) {
       .def(
           "scan",
           [](Law& law, const PositionLawParams<double>& position, double pos, double vel, double acc,
-             double counts, double ring) {
+             double counts, double ring, double torque_nm) {
             law.before = law.s;
-            return run(law, position, {pos, vel, acc}, counts, ring);
+            return run(law, position, {pos, vel, acc}, counts, ring, torque_nm);
           },
           nb::arg("law"), nb::arg("pos_ref_rad"), nb::arg("vel_ref_rad_s"), nb::arg("acc_ref_rad_s2"),
-          nb::arg("counts"), nb::arg("pos_ring_rad"),
+          nb::arg("counts"), nb::arg("pos_ring_rad"), nb::arg("torque_nm"),
           "Speed command (motor side, clamped), actual load position, following error (gantry side),\n"
-          "torque to feed forward (motor side, clamped), load-side encoder minus maps (gantry side).")
+          "torque to feed forward (motor side, clamped), load-side encoder minus maps (gantry side),\nchange "
+          "of the "
+          "eccentric moment since the calibration (gantry side).")
       .def(
           "scan_again",
           [](Law& law, const PositionLawParams<double>& position, double pos, double vel, double acc,
-             double counts, double ring) {
+             double counts, double ring, double torque_nm) {
             law.s = law.before;
-            return run(law, position, {pos, vel, acc}, counts, ring);
+            return run(law, position, {pos, vel, acc}, counts, ring, torque_nm);
           },
           nb::arg("law"), nb::arg("pos_ref_rad"), nb::arg("vel_ref_rad_s"), nb::arg("acc_ref_rad_s2"),
-          nb::arg("counts"), nb::arg("pos_ring_rad"),
+          nb::arg("counts"), nb::arg("pos_ring_rad"), nb::arg("torque_nm"),
           "The scan just done, with another set-point: instead of it, not after it.")
       .def("restart", &restart, "The axis begins to follow anew with its next scan.")
       .def("turn_back", &turn_back, nb::arg("angle_rad"),
@@ -199,7 +206,9 @@ void bind_compensation(nb::module_& m) {
       .def(
           "lead",
           [](const Law& law, double pos_rad) {
-            return map_correction(law.p, law.s.direction, 0.0, pos_rad, 0.0, 0.0, 0.0).pos;
+            return map_correction(law.p, moment_now(law.p, law.s), law.s.direction, 0.0, pos_rad, 0.0, 0.0,
+                                  0.0)
+                .pos;
           },
           nb::arg("pos_rad"), "How far the motor leads the load at rest by the maps, rad at the gantry.")
       .def(

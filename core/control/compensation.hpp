@@ -27,7 +27,8 @@ constexpr int kFastWaves = 12;
   X(reversal, "lost motion: friction wind-up by direction, backlash by the torque in the mesh")       \
   X(load_encoder, "slow integral of the load-side error")                                             \
   X(scale_map, "errors of the load-side encoder itself, from its map")                                \
-  X(damping, "load swing damped through the load-side encoder")
+  X(damping, "load swing damped through the load-side encoder")                                       \
+  X(moment_observer, "what the eccentric moment has become, from the motor torque")
 
 #define GANTRY_COMPENSATION_PARAMS(X)                                                                 \
   X(period_s, 1e-3, "scan period")                                                                    \
@@ -52,7 +53,16 @@ constexpr int kFastWaves = 12;
   X(swing_rad_s, 0.0, "first mode with the motor held")                                               \
   X(damping_filter, 1.0, "1 - exp(-Ts/T) of the load speed")                                          \
   X(damping_slow, 0.0, "1 - exp(-Ts/T) of the resting twist")                                         \
-  X(latency_s, 0.0, "age of a motor encoder reading")
+  X(latency_s, 0.0, "age of a motor encoder reading")                                                 \
+  X(friction_nm, 0.0, "Coulomb friction, motor and rollers together")                                 \
+  X(friction_load_ratio, 0.0, "part of the transmitted torque that is lost beside it")                \
+  X(friction_nm_s_per_rad, 0.0, "its growth with speed")                                              \
+  X(friction_spread_nm, 1.0, "what friction may change by, standard deviation")                       \
+  X(moment_limit_nm, 1.0, "largest change of the eccentric moment that is followed")                  \
+  X(observer_speed_rad_s, 0.0, "slower motion says nothing about the moment")                         \
+  X(observer_weight, 0.0, "of the torque of one scan, 1/(N m)^2")                                     \
+  X(observer_memory, 1.0, "exp(-Ts/T) of what was seen in motion")                                    \
+  X(observer_rate, 0.0, "1 - exp(-Ts/T) of the moment in use")
 
 #define GANTRY_COMPENSATION_STATE(X)                                                                  \
   X(direction, "of the last motion, -1..1")                                                           \
@@ -62,7 +72,18 @@ constexpr int kFastWaves = 12;
   X(ring_last_rad, "load-side reading of the last scan")                                              \
   X(vel_ring_rad_s, "load speed, filtered")                                                           \
   X(twist_slow_rad, "resting twist")                                                                  \
-  X(torque_zero_nm, "feed-forward torque where the axis began to follow")
+  X(torque_zero_nm, "feed-forward torque where the axis began to follow")                             \
+  X(moment_sine_nm, "change of the moment that is in use")                                            \
+  X(moment_cosine_nm, "see moment_sine_nm")                                                           \
+  X(info_sine, "sums of the moment observer: weighted products of the columns")                       \
+  X(info_cosine, "see info_sine")                                                                     \
+  X(info_friction, "see info_sine")                                                                   \
+  X(info_sine_cosine, "see info_sine")                                                                \
+  X(info_sine_friction, "see info_sine")                                                              \
+  X(info_cosine_friction, "see info_sine")                                                            \
+  X(seen_sine, "sums of the moment observer: columns with the torque left over")                      \
+  X(seen_cosine, "see seen_sine")                                                                     \
+  X(seen_friction, "see seen_sine")
 // clang-format on
 
 template <class T>
@@ -94,12 +115,18 @@ struct Motion {
   T vel;
 };
 
+// Load torque to hold: sine sin(angle) + cosine cos(angle), at the gantry.
+template <class T>
+struct Moment {
+  T sine_nm;
+  T cosine_nm;
+};
+
 // Load torque that the eccentric moment asks for.
 template <class T>
-Curve<T> holding_moment(const CompensationParams<T>& p, T pos) {
+Curve<T> holding_moment(const Moment<T>& m, T pos) {
   const SinCos<T> s = sincos(pos);
-  return {p.moment_sine_nm * s.sin + p.moment_cosine_nm * s.cos,
-          p.moment_sine_nm * s.cos - p.moment_cosine_nm * s.sin};
+  return {m.sine_nm * s.sin + m.cosine_nm * s.cos, m.sine_nm * s.cos - m.cosine_nm * s.sin};
 }
 
 // Gear map: ring harmonics and fast waves. A wave that passes with w = cycles x speed counts 1/(1 +
@@ -122,20 +149,20 @@ Motion<T> gear_correction(const CompensationParams<T>& p, T pos, T vel) {
 
 // Wind-up (M(r) + J r'')/k, its speed by M'(r) r' and the jerk of the set-point.
 template <class T>
-Motion<T> windup_correction(const CompensationParams<T>& p, T pos, T vel, T acc, T jerk) {
-  const Curve<T> m = holding_moment(p, pos);
-  return {p.compliance_rad_per_nm * m.value + p.windup_per_acc_s2 * acc,
-          p.compliance_rad_per_nm * m.slope * vel + p.windup_per_acc_s2 * jerk};
+Motion<T> windup_correction(const CompensationParams<T>& p, const Moment<T>& m, T pos, T vel, T acc, T jerk) {
+  const Curve<T> held = holding_moment(m, pos);
+  return {p.compliance_rad_per_nm * held.value + p.windup_per_acc_s2 * acc,
+          p.compliance_rad_per_nm * held.slope * vel + p.windup_per_acc_s2 * jerk};
 }
 
 // Half the backlash, on the flank that the mesh torque of the set-point asks for: Tg = M(r) + z F + J r''.
 // s(u) = u (3 - u^2)/2 for |u| < 1, u = Tg / flank_nm: its ends have no step of the speed.
 template <class T>
-Motion<T> backlash_correction(const CompensationParams<T>& p, T direction, T turning, T pos, T vel, T acc,
-                              T jerk) {
-  const Curve<T> m = holding_moment(p, pos);
-  const T torque = m.value + direction * p.friction_load_nm + p.inertia_load_kg_m2 * acc;
-  const T rate = m.slope * vel + turning * p.friction_load_nm + p.inertia_load_kg_m2 * jerk;
+Motion<T> backlash_correction(const CompensationParams<T>& p, const Moment<T>& m, T direction, T turning,
+                              T pos, T vel, T acc, T jerk) {
+  const Curve<T> held = holding_moment(m, pos);
+  const T torque = held.value + direction * p.friction_load_nm + p.inertia_load_kg_m2 * acc;
+  const T rate = held.slope * vel + turning * p.friction_load_nm + p.inertia_load_kg_m2 * jerk;
   const T u = clamp(torque / p.flank_nm, T(-1.0), T(1.0));
   const T half = T(0.5) * p.backlash_rad;
   return {half * (T(0.5) * u * (T(3.0) - u * u)), half * (T(1.5) * (T(1.0) - u * u)) * (rate / p.flank_nm)};
@@ -143,29 +170,31 @@ Motion<T> backlash_correction(const CompensationParams<T>& p, T direction, T tur
 
 // All maps at a set-point; limited, and standing still where it is limited.
 template <class T>
-Motion<T> map_correction(const CompensationParams<T>& p, T direction, T turning, T pos, T vel, T acc,
-                         T jerk) {
+Motion<T> map_correction(const CompensationParams<T>& p, const Moment<T>& m, T direction, T turning, T pos,
+                         T vel, T acc, T jerk) {
   Motion<T> c{T(0.0), T(0.0)};
-  const auto add = [&c](const Motion<T>& m) {
-    c.pos = c.pos + m.pos;
-    c.vel = c.vel + m.vel;
+  const auto add = [&c](const Motion<T>& more) {
+    c.pos = c.pos + more.pos;
+    c.vel = c.vel + more.vel;
   };
   if (p.gear_map) add(gear_correction(p, pos, vel));
-  if (p.windup) add(windup_correction(p, pos, vel, acc, jerk));
+  if (p.windup) add(windup_correction(p, m, pos, vel, acc, jerk));
   if (p.reversal) {
     const Curve<T> lost = harmonics(p.lost_motion, pos);
     add({direction * lost.value, direction * lost.slope * vel + turning * lost.value});
-    add(backlash_correction(p, direction, turning, pos, vel, acc, jerk));
+    add(backlash_correction(p, m, direction, turning, pos, vel, acc, jerk));
   }
   const T limited = clamp(c.pos, -p.pos_limit_rad, p.pos_limit_rad);
   return {limited, select(limited == c.pos, c.vel, T(0.0) * c.pos)};
 }
 
-// Motor torque fed forward: eccentric moment and acceleration, through the ratio.
+// Motor torque fed forward: eccentric moment and acceleration, through the ratio. The moment is that of the
+// calibration: of one that is being learnt the integrator of the drive takes what is more.
 template <class T>
 T feed_forward_torque(const CompensationParams<T>& p, T ratio, T pos, T acc) {
   T torque = T(0.0);
-  if (p.torque_eccentric) torque = torque + holding_moment(p, pos).value / ratio;
+  const Moment<T> calibrated{p.moment_sine_nm, p.moment_cosine_nm};
+  if (p.torque_eccentric) torque = torque + holding_moment(calibrated, pos).value / ratio;
   if (p.torque_acceleration) torque = torque + p.inertia_kg_m2 * acc / ratio;
   return torque;
 }

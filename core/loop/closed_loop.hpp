@@ -93,7 +93,7 @@ GANTRY_INLINE LogRow<T> follow(const GantrySim<T>& sim, const Control<T>& contro
   row.torque_ff_nm = control.torque_ff_nm;
   PositionLawResult<T> command;
   if (Compensation<T>* c = control.compensation) {
-    const auto result = compensated_law(law, c->p, c->s, r, row.counts, row.pos_ring_rad);
+    const auto result = compensated_law(law, c->p, c->s, r, row.counts, row.pos_ring_rad, row.torque_act_nm);
     command = result.law;
     row.torque_ff_nm = row.torque_ff_nm + result.torque_ff_nm;
   } else {

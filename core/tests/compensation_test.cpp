@@ -16,6 +16,8 @@ using Params = CompensationParams<double>;
 using State = CompensationState<double>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
+Moment<double> calibrated(const Params& p) { return {p.moment_sine_nm, p.moment_cosine_nm}; }
+
 Params maps() {
   Params p;
   p.gear_map = p.windup = p.reversal = true;
@@ -58,8 +60,9 @@ TEST(Maps, speed_is_the_derivative_of_the_position) {
   p.fade_rad_s = 1e12;  // the fading itself moves with the speed and is left out of the derivative on purpose
   const double pos = 0.7, vel = 0.05, acc = 0.01, jerk = 0.02, h = 1e-5;
   const auto at = [&](double t) {
-    return map_correction(p, 0.3 + 2.0 * t, 2.0, pos + t * (vel + t * (acc / 2 + t * jerk / 6)),
-                          vel + t * (acc + t * jerk / 2), acc + t * jerk, jerk);
+    return map_correction(p, calibrated(p), 0.3 + 2.0 * t, 2.0,
+                          pos + t * (vel + t * (acc / 2 + t * jerk / 6)), vel + t * (acc + t * jerk / 2),
+                          acc + t * jerk, jerk);
   };
   const double slope = (at(h).pos - at(-h).pos) / (2 * h);
   EXPECT_NEAR(at(0.0).vel, slope, 1e-6 * std::fabs(slope));
@@ -70,7 +73,7 @@ TEST(Maps, windup_is_torque_over_stiffness) {
   p.gear_map = p.reversal = false;
   const double pos = 1.1, acc = 0.0117;
   const double wanted = (1.6e4 * std::sin(pos) - 2e3 * std::cos(pos)) * 2.8e-9 + 6.2e-3 * acc;
-  EXPECT_NEAR(map_correction(p, 0.0, 0.0, pos, 0.0, acc, 0.0).pos, wanted, 1e-16);
+  EXPECT_NEAR(map_correction(p, calibrated(p), 0.0, 0.0, pos, 0.0, acc, 0.0).pos, wanted, 1e-16);
 }
 
 TEST(Maps, backlash_lies_on_the_flank_that_the_planned_torque_asks_for) {
@@ -81,7 +84,7 @@ TEST(Maps, backlash_lies_on_the_flank_that_the_planned_torque_asks_for) {
   p.inertia_load_kg_m2 = 2.2e6;
   p.flank_nm = 1e3;
   const auto at = [&](double direction, double pos, double acc) {
-    return backlash_correction(p, direction, 0.0, pos, 0.0, acc, 0.0).pos;
+    return backlash_correction(p, calibrated(p), direction, 0.0, pos, 0.0, acc, 0.0).pos;
   };
   const double quarter = 1.570796326794896619;
   EXPECT_EQ(at(-1.0, quarter, 0.0), 4e-5);  // the moment holds it, whatever the direction
@@ -103,7 +106,7 @@ TEST(Harmonics, above_those_in_use_are_not_looked_at) {
 TEST(Maps, are_limited_and_then_stand_still) {
   Params p = maps();
   p.map.sine[0] = 1.0;  // a map of nonsense
-  const auto c = map_correction(p, 1.0, 5.0, 1.5, 0.1, 0.0, 0.0);
+  const auto c = map_correction(p, calibrated(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0);
   EXPECT_EQ(c.pos, p.pos_limit_rad);
   EXPECT_EQ(c.vel, 0.0);
 }
@@ -127,11 +130,11 @@ TEST(TorqueFeedForward, is_clamped_and_zero_where_the_axis_began) {
   p.torque_limit_nm = 20.0;
   State s;
   const PositionLawParams<double> law = example::law();
-  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 0.0}, 0.0, 0.0).torque_ff_nm, 0.0);
-  const double up = compensated_law(law, p, s, {1.0, 0.0, 0.004}, 0.0, 0.0).torque_ff_nm;
+  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 0.0}, 0.0, 0.0, 0.0).torque_ff_nm, 0.0);
+  const double up = compensated_law(law, p, s, {1.0, 0.0, 0.004}, 0.0, 0.0, 0.0).torque_ff_nm;
   EXPECT_NEAR(up, 2.65e6 * 0.004 / law.ratio, 1e-9);
-  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 1.0}, 0.0, 0.0).torque_ff_nm, 20.0);
-  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, -1.0}, 0.0, 0.0).torque_ff_nm, -20.0);
+  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 1.0}, 0.0, 0.0, 0.0).torque_ff_nm, 20.0);
+  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, -1.0}, 0.0, 0.0, 0.0).torque_ff_nm, -20.0);
 }
 
 TEST(LoadSide, integral_goes_towards_the_error_and_is_limited) {
@@ -152,7 +155,7 @@ TEST(CompensatedLaw, with_everything_off_is_the_position_law) {
   State s;
   for (double counts : {0.0, 1e6, -3e7}) {
     const auto bare = position_law(law, 0.3, 0.01, counts);
-    const auto with = compensated_law(law, p, s, {0.3, 0.01, 0.002}, counts, kNaN);
+    const auto with = compensated_law(law, p, s, {0.3, 0.01, 0.002}, counts, kNaN, 0.0);
     EXPECT_EQ(with.law.vel_cmd_rad_s, bare.vel_cmd_rad_s);
     EXPECT_EQ(with.law.pos_act_rad, bare.pos_act_rad);
     EXPECT_EQ(with.law.pos_err_rad, bare.pos_err_rad);
@@ -167,8 +170,8 @@ TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
   p.swing_rad_s = 12.6;
   State s;
   const PositionLawParams<double> law = example::law();
-  compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 0.0);
-  EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 9.0).law.vel_cmd_rad_s, -law.vel_max_rad_s);
+  compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0);
+  EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 9.0, 0.0).law.vel_cmd_rad_s, -law.vel_max_rad_s);
 }
 
 // An acceleration winds the transmission up as planned: the motor must not yield to it, or the load would
@@ -189,10 +192,10 @@ TEST(CompensatedLaw, yields_to_no_wind_up_that_is_planned) {
   const double jerk = 0.02;
   for (double t = 0.0; t < 0.5; t += p.period_s) {
     const SetPoint<double> r{0.3 + jerk * t * t * t / 6, jerk * t * t / 2, jerk * t};
-    const double windup = windup_correction(p, r.pos, r.vel, r.acc, jerk).pos;
+    const double windup = windup_correction(p, calibrated(p), r.pos, r.vel, r.acc, jerk).pos;
     const double counts = (r.pos + windup) * law.ratio / law.rad_per_count;
-    const double apart = compensated_law(law, p, s, r, counts, r.pos).law.vel_cmd_rad_s -
-                         compensated_law(law, stiff, without, r, counts, r.pos).law.vel_cmd_rad_s;
+    const double apart = compensated_law(law, p, s, r, counts, r.pos, 0.0).law.vel_cmd_rad_s -
+                         compensated_law(law, stiff, without, r, counts, r.pos, 0.0).law.vel_cmd_rad_s;
     // Kpp x gain x half a scan of the acceleration; the wind-up taken for a swing would be 5e-4 rad/s in the
     // end.
     EXPECT_NEAR(apart / law.ratio, 0.0, 4e-6);
@@ -201,8 +204,8 @@ TEST(CompensatedLaw, yields_to_no_wind_up_that_is_planned) {
 
 TEST(CompensatedLaw, lets_a_motor_side_that_is_no_number_through_to_the_guard) {
   State s;
-  EXPECT_TRUE(
-      std::isnan(compensated_law(example::law(), maps(), s, {0.0, 0.0, 0.0}, kNaN, 0.0).law.vel_cmd_rad_s));
+  EXPECT_TRUE(std::isnan(
+      compensated_law(example::law(), maps(), s, {0.0, 0.0, 0.0}, kNaN, 0.0, 0.0).law.vel_cmd_rad_s));
 }
 
 TEST(CompensatedLaw, reckons_on_without_a_load_side_reading_and_says_so) {
@@ -215,9 +218,9 @@ TEST(CompensatedLaw, reckons_on_without_a_load_side_reading_and_says_so) {
   const PositionLawParams<double> law = example::law();
   for (double lost : {kNaN, std::numeric_limits<double>::infinity(), 1e300}) {
     State s;
-    compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3);
+    compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3, 0.0);
     const auto out =
-        compensated_law(law, p, s, {0.30001, 0.01, 0.0}, 0.30001 * law.ratio / law.rad_per_count, lost);
+        compensated_law(law, p, s, {0.30001, 0.01, 0.0}, 0.30001 * law.ratio / law.rad_per_count, lost, 0.0);
     EXPECT_TRUE(std::isfinite(out.law.vel_cmd_rad_s));
     EXPECT_NEAR(s.ring_last_rad, 0.30001, 1e-9);
     EXPECT_FALSE(std::fabs(out.disagreement_rad) < 1.0);
@@ -231,14 +234,14 @@ TEST(CompensatedLaw, takes_a_step_of_the_load_side_encoder_slowly_and_tells_it_w
   const PositionLawParams<double> law = example::law();
   for (double step : {1e-3, -1e-3}) {
     State s;
-    compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3);
+    compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3, 0.0);
     const auto out = compensated_law(law, p, s, {0.30001, 0.01, 0.0}, 0.30001 * law.ratio / law.rad_per_count,
-                                     0.30001 + step);
+                                     0.30001 + step, 0.0);
     EXPECT_NEAR(s.ring_last_rad, 0.30001 + std::copysign(0.0002 * p.period_s, step), 1e-12);
     EXPECT_NEAR(out.disagreement_rad, step, 1e-9);  // half a step of the motor encoder
     // Within the swing it is taken as it is, to the bit.
     const double next = s.ring_last_rad + 1e-5;
-    compensated_law(law, p, s, {0.30002, 0.01, 0.0}, 0.30002 * law.ratio / law.rad_per_count, next);
+    compensated_law(law, p, s, {0.30002, 0.01, 0.0}, 0.30002 * law.ratio / law.rad_per_count, next, 0.0);
     EXPECT_EQ(s.ring_last_rad, next);
   }
 }
@@ -250,7 +253,7 @@ TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {
   s.direction = 1.0;
   const double counts = 0.9 * law.ratio / law.rad_per_count;
   const double rest = resting_position(law, p, s, counts);
-  const auto first = compensated_law(law, p, s, {rest, 0.0, 0.0}, counts, 0.0);
+  const auto first = compensated_law(law, p, s, {rest, 0.0, 0.0}, counts, 0.0, 0.0);
   // third order of a map of 1e-4 rad with slopes of 4e-3; 5e-9 rad are a sixtieth of an encoder step
   EXPECT_NEAR(first.law.pos_err_rad, 0.0, 5e-9);
   EXPECT_NEAR(first.law.pos_act_rad, rest, 5e-9);
@@ -285,12 +288,12 @@ TEST(CompensatedLaw, in_a_pack_is_that_of_each_lane) {
       counts.lane[k] = (0.4 + 1e-4 * k) * law.ratio / law.rad_per_count;
       ring.lane[k] = 0.4 - 1e-4 * k;
     }
-    const auto pack = compensated_law(laws, many, states, points, counts, ring);
+    const auto pack = compensated_law(laws, many, states, points, counts, ring, Pack<kLanes>(0.0));
     for (int k = 0; k < kLanes; ++k) {
       Params alone = single;
       alone.lost_motion = {};
       alone.fast = {};
-      const auto lane = compensated_law(law, alone, state[k], r, counts.lane[k], ring.lane[k]);
+      const auto lane = compensated_law(law, alone, state[k], r, counts.lane[k], ring.lane[k], 0.0);
       EXPECT_EQ(pack.law.vel_cmd_rad_s.lane[k], lane.law.vel_cmd_rad_s);
       EXPECT_EQ(pack.disagreement_rad.lane[k], lane.disagreement_rad);
     }

@@ -21,7 +21,7 @@ from support.improved import improved_machine
 
 SWITCHES = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
-    "load_encoder.own_errors", "damping.active",
+    "load_encoder.own_errors", "damping.active", "moment_observer.active",
 )  # fmt: skip
 
 
@@ -70,6 +70,7 @@ def test_a_move_with_everything_on_is_the_move_of_the_compiled_loop() -> None:
 def machines(draw: st.DrawFn) -> Machine:
     changes: dict[str, object] = {f"control.compensation.{name}": draw(st.booleans()) for name in SWITCHES}
     changes["control.compensation.load_encoder.active"] = True
+    changes["control.compensation.moment_observer.limit_nm"] = 30e3
     changes["control.compensation.latency_us"] = draw(st.sampled_from([0.0, 62.5]))
     changes["control.scan_period_ms"] = draw(st.sampled_from([1.0, 2.0]))
     changes["plant.gear_error.phases_rad"] = draw(st.tuples(*[st.floats(0.0, 6.28)] * 18))

@@ -43,6 +43,7 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'CTL-10': {"title": "停止点超出行程", "message": "以 {measured:.2f} °/s 轴将停在 {position:.2f}°，限值 {limit:.2f}°", "cause": "按实测角度和速度，轴将越出行程。", "to_do": "复位，上电，然后低速向内移动；查明轴为何超前于设定值。"},
   'CTL-11': {"title": "未到位", "message": "运动结束后 {time_s:.1f} s 仍未到位：误差 {measured:.4f}°，窗口 {limit:.4f}°", "cause": "设定值已到达而轴没有：摩擦、增益或转矩。", "to_do": "不要使用此角度。重新运动；若再次出现，联系维修。"},
   'CTL-12': {"title": "跟随误差偏高", "message": "跟随误差 {measured:.3f}°，警告 {limit:.3f}°，停机 {trip:.3f}°", "cause": "轴的跟随比平时差。", "to_do": "查看记录中的趋势；安排维修。"},
+  'CTL-19': {"title": "偏心力矩已改变", "message": "自标定以来偏心力矩改变了 {measured:.1f} kN·m，限值 {limit:.1f} kN·m", "cause": "负载与辨识时不同，或电机转矩读数有误。控制只跟随到限值为止。", "to_do": "查明轴上有何改变。重新辨识；若负载允许如此，提高 [control.compensation.moment_observer] limit_nm。"},
   'LIM-02': {"title": "超程", "message": "角度 {measured:.2f}°，限值 {limit:.2f}°", "cause": "实测角度越过超程限值。", "to_do": "复位，上电，然后向内移动：返回方向是开放的。"},
   'LIM-06': {"title": "禁区", "message": "在 {measured:.2f}° 停止将结束于 {position:.2f}°，禁区为 {begin:.2f}° 至 {end:.2f}°", "cause": "按实测角度和速度，轴将进入或已进入 [axis] no_go_deg 的禁区。", "to_do": "复位，上电，然后离开禁区：该方向开放。"},
   'LIM-03': {"title": "限位开关", "message": "{side}限位开关在 {measured} 断开", "cause": "轴在硬件限位处，或开关的导线断开。", "to_do": "复位，上电，然后向内移动：返回方向是开放的。若角度远在行程之内，请检查开关。"},

@@ -305,12 +305,14 @@ class CompensationSettings:
     Attributes:
         laws: switches, numbers and maps; every axis takes a copy.
         load_encoder: a load-side encoder is read, and watched against the motor's.
+        moment_limit_nm: change of the eccentric moment that a person expects; infinite where none is observed.
     """
 
     laws: Compensation
     load_encoder: bool = False
     disagreement_rad: float = 0.05 * _DEG
     disagreement_time_s: float = 0.020
+    moment_limit_nm: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

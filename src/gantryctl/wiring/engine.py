@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, short_hash
 from gantryctl.ports import Clock, Drive, Operator, Recorder
 from gantryctl.program import Axis, AxisProgram, GantryProgram
@@ -65,10 +66,18 @@ def build_program(
         keep_plans: keep every set-point plan with its start scan in `axis.virtual.plans`.
 
     Raises:
-        ConfigError: a compensation needs a calibration, and the machine has none of its own.
+        ConfigError: a compensation needs a calibration, and the machine has none of its own; or the torque of the
+            motor, which the drive does not report.
     """
     if machine.control.compensation.needs_calibration and machine.drive.kind != "ideal":
         check_calibration(machine, drive.identity().encoder_serial)
+        if machine.control.compensation.moment_observer.active and not drive.reports_torque:
+            raise ConfigError(
+                [
+                    f"{machine.name}: [control.compensation.moment_observer] active = true: lives on the torque of the "
+                    "motor, which the drive does not report (6077 is not mapped); map it, or switch the observer off"
+                ]
+            )
     if zero_counts is None:
         from gantryctl.wiring.simulator import delivered_zero_counts
 

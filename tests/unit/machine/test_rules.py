@@ -109,6 +109,7 @@ BREAKS = {
     "integral_is_sampled_enough": {"drive.speed_loop.tvi_ms": 0.2},
     "acceleration_torque_without_steps": {COMPENSATION + "torque.acceleration": True},
     "windup_without_steps": {COMPENSATION + "windup.active": True},
+    "observer_has_a_limit": {COMPENSATION + "moment_observer.active": True},
     "damping_needs_the_load_encoder": {COMPENSATION + "damping.active": True},
     "own_errors_need_the_load_encoder": {COMPENSATION + "load_encoder.own_errors": True},
     "load_encoder_is_there": {COMPENSATION + "load_encoder.active": True},

@@ -209,7 +209,10 @@ ROWS: dict[str, Row] = {
         "plant.half_backlash_rad_per_k": backlash_growth,
     }
     | TEETH,
-    "speed.setting_min_deg_s": {"program.speed.setting_min_rad_s": DEG},
+    "speed.setting_min_deg_s": {
+        "program.speed.setting_min_rad_s": DEG,
+        "laws.observer_speed_rad_s": 0.1 * DEG,
+    },
     "speed.setting_max_deg_s": {"program.speed.setting_max_rad_s": DEG},
     "speed.creep_deg_s": {"program.speed.creep_rad_s": DEG},
     "speed.command_clamp_deg_s": {"program.speed.command_clamp_rad_s": DEG},
@@ -232,6 +235,7 @@ ROWS: dict[str, Row] = {
         "bus.period_s": MS,
         "sim.scan_period_s": MS,
         "laws.period_s": MS,
+        "laws.observer_memory": lambda m: math.exp(-m.control.scan_period_ms * MS / 300.0),
         "laws.damping_filter": lambda m: 1.0 - math.exp(-m.control.scan_period_ms / 5.0),
         "laws.damping_slow": lambda m: (
             1.0 - math.exp(-m.control.scan_period_ms * MS / m.control.compensation.damping.slow_s)
@@ -257,6 +261,14 @@ ROWS: dict[str, Row] = {
     "control.compensation.load_encoder.limit_deg": {"laws.encoder_limit_rad": DEG},
     "control.compensation.load_encoder.disagreement_deg": {"second encoder.disagreement_rad": DEG},
     "control.compensation.load_encoder.disagreement_time_ms": {"second encoder.disagreement_time_s": MS},
+    "control.compensation.moment_observer.active": {
+        "laws.moment_observer": 1.0,
+        "second encoder.moment_limit_nm": lambda m: m.control.compensation.moment_observer.limit_nm,
+    },
+    "control.compensation.moment_observer.limit_nm": {"laws.moment_limit_nm": 1.0},
+    "control.compensation.moment_observer.memory_s": {
+        "laws.observer_memory": lambda m: math.exp(-MS / m.control.compensation.moment_observer.memory_s)
+    },
     "control.compensation.damping.active": {"laws.damping": 1.0},
     "control.compensation.damping.gain": {"laws.damping_gain": 1.0},
     "control.compensation.damping.filter_ms": {
@@ -657,6 +669,7 @@ CHANGED: dict[str, Any] = {
     "plant.load.eccentric_sign": 1.0,
     "plant.encoder.serial": "SIM-0002",
     "control.compensation.latency_us": 70.0,
+    "control.compensation.moment_observer.limit_nm": 2e4,
 }
 
 
@@ -773,7 +786,7 @@ def laws(machine: Machine, patch: pytest.MonkeyPatch, given: list[Given]) -> dic
     found = {f"laws.{name}": value for name, value in {**switches, **numbers}.items()}
     return found | {
         f"second encoder.{name}": getattr(settings, name)
-        for name in ("load_encoder", "disagreement_rad", "disagreement_time_s")
+        for name in ("load_encoder", "disagreement_rad", "disagreement_time_s", "moment_limit_nm")
     }
 
 

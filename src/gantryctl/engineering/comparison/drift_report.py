@@ -18,7 +18,13 @@ from gantryctl.engineering.comparison.key_figures import (
     key_columns,
     measure_key_figures,
 )
-from gantryctl.engineering.comparison.variants import Variant, check_same_plant, without_load_encoder
+from gantryctl.engineering.comparison.variants import (
+    Variant,
+    check_same_plant,
+    may_follow_moment,
+    moment_followed,
+    without_load_encoder,
+)
 from gantryctl.engineering.identification import calibrate_each
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
@@ -30,6 +36,7 @@ from gantryctl.wiring.compensation import check_calibration
 
 UNCHANGED: Final = "as identified"
 WITHOUT_ENCODER: Final = "without the load encoder"
+FOLLOWED: Final = "moment followed"
 _HIGH: Final = 0.95
 _OWN: Final = "own"
 
@@ -167,14 +174,17 @@ def drift_report(
 
 
 def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
-    """The ways of control that are compared."""
+    """The ways of control that are compared: the moment observer has a row where a person has set its limit."""
     if paper.name == improved.name:
         raise UsageError(
             f"{paper.name} twice: a drift compares two ways of control, so name two machine files"
         )
-    shown = [Variant(paper.name, paper)]
-    if improved.control.compensation.load_encoder.active:
-        shown.append(Variant(WITHOUT_ENCODER, without_load_encoder(improved)))
+    shown, encoder = [Variant(paper.name, paper)], improved.control.compensation.load_encoder.active
+    bare, begin = without_load_encoder(improved), f"{WITHOUT_ENCODER}, " if encoder else ""
+    if encoder:
+        shown.append(Variant(WITHOUT_ENCODER, moment_followed(bare, followed=False)))
+    if may_follow_moment(improved) and (encoder or not improved.control.compensation.moment_observer.active):
+        shown.append(Variant(f"{begin}{FOLLOWED}", moment_followed(bare)))
     return (*shown, Variant(improved.name, improved))
 
 

@@ -61,6 +61,17 @@ def without_load_encoder(machine: Machine) -> Machine:
     return with_values(machine, dict.fromkeys((_AT + key for key in _ENCODER), False))
 
 
+def moment_followed(machine: Machine, *, followed: bool = True) -> Machine:
+    """The machine with its eccentric moment followed by the torque of the motor, or as calibrated."""
+    return with_values(machine, {_AT + "moment_observer.active": followed})
+
+
+def may_follow_moment(machine: Machine) -> bool:
+    """A person has set how far the moment may be followed, and its wind-up is compensated."""
+    laws = machine.control.compensation
+    return laws.moment_observer.limit_nm > 0.0 and laws.windup.active
+
+
 def variants(paper: Machine, improved: Machine) -> list[Variant]:
     """The rows: both machines, and on the profile of the second each compensation that it uses, alone.
 

@@ -40,6 +40,18 @@ def own_errors_need_the_load_encoder(m: Machine) -> Broken:
     return "must go with the load-side loop: switch that on too" if c.own_errors and not c.active else None
 
 
+@rule(f"{_AT}.moment_observer.limit_nm", f"{_AT}.moment_observer.active")
+def observer_has_a_limit(m: Machine) -> Broken:
+    """A moment that is followed is followed within a limit."""
+    c = m.control.compensation.moment_observer
+    wrong = c.active and not c.limit_nm > 0.0
+    return (
+        "must be above 0: how much the eccentric moment may change before it counts as a fault"
+        if wrong
+        else None
+    )
+
+
 @rule(f"{_AT}.load_encoder.active", "plant.load_encoder.fitted", "drive.kind")
 def load_encoder_is_there(m: Machine) -> Broken:
     """A load-side loop on the simulated drive needs a simulated load-side encoder."""

@@ -17,7 +17,7 @@ MAX_FAST_WAVES = 12
 # Compensations that live on identified values.
 NEED_CALIBRATION: Final = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
-    "load_encoder.own_errors", "damping.active",
+    "load_encoder.own_errors", "damping.active", "moment_observer.active",
 )  # fmt: skip
 
 
@@ -82,6 +82,18 @@ class DampingTable(Table):
     slow_s: float = number(0.4, 0.1, 20.0, "Twist that lasts longer is no swing.")
 
 
+class MomentObserverTable(Table):
+    """[control.compensation.moment_observer]: the eccentric moment followed by the torque of the motor."""
+
+    active: bool = switch(False, "Follow it.")
+    # Whoever sets it knows what may be put on the axis; more is no change of load but a fault.
+    limit_nm: float = number(
+        0.0, 0.0, 1e8, "Largest change since the calibration, at the axis; above 0 to follow."
+    )
+    # Some moves of a minute each: a change is followed within a few of them, and one move makes little of it.
+    memory_s: float = number(300.0, 10.0, 1e5, "Time in motion over which what was seen fades.")
+
+
 class CompensationTable(Table):
     """[control.compensation]: file of identified values, and what holds for all."""
 
@@ -96,6 +108,7 @@ class CompensationTable(Table):
     windup: WindupTable = table("Wind-up and lost motion.", WindupTable)
     load_encoder: LoadEncoderLoopTable = table("Load-side loop.", LoadEncoderLoopTable)
     damping: DampingTable = table("Swing damping.", DampingTable)
+    moment_observer: MomentObserverTable = table("Moment observer.", MomentObserverTable)
 
     @property
     def any_active(self) -> bool:

@@ -75,6 +75,7 @@ class Code(StrEnum):
     CTL_16 = "CTL-16"
     CTL_17 = "CTL-17"
     CTL_18 = "CTL-18"
+    CTL_19 = "CTL-19"
     CTL_21 = "CTL-21"
     CAN_01 = "CAN-01"
     CAN_02 = "CAN-02"

@@ -102,6 +102,18 @@ CONTROL: Final = (
         Text("跟随误差偏高", "跟随误差 {measured}°，警告 {limit}°，停机 {trip}°", "轴的跟随比平时差。",
              "查看记录中的趋势；安排维修。"),
     ),
+    Definition(
+        Code.CTL_19, _WARN, Reaction.W,
+        Text("Eccentric moment changed",
+             "The eccentric moment has changed by {measured:.1f} kN m since the calibration, limit {limit:.1f} kN m",
+             "The load is another than when the axis was identified, or the torque of the motor is read wrong. "
+             "Control follows the change up to the limit and no further.",
+             "Find out what has changed on the axis. Identify again, or raise [control.compensation.moment_observer] "
+             "limit_nm if the load may be so."),
+        Text("偏心力矩已改变", "自标定以来偏心力矩改变了 {measured} kN·m，限值 {limit} kN·m",
+             "负载与辨识时不同，或电机转矩读数有误。控制只跟随到限值为止。",
+             "查明轴上有何改变。重新辨识；若负载允许如此，提高 [control.compensation.moment_observer] limit_nm。"),
+    ),
     # Fault catalogue G2: the last limit in software before the switches.
     Definition(
         Code.LIM_02, _STOP, _QS,

@@ -16,12 +16,14 @@ from gantryctl.units import deg
 
 _TURN: Final = 2.0 * math.pi
 _NEXT_RAD: Final = 1.2 * math.pi
+# A swing of the load on the motor's torque is over.
+_CHANGED_S: Final = 5.0
 
 # Speed command (motor side), actual angle and following error (gantry side).
 Command = tuple[float, float, float]
-# The same with torque and disagreement, and the law that gives them.
-_Answer = tuple[float, float, float, float, float]
-_Run = Callable[[PositionLaw, float, float, float, float, float], _Answer]
+# The same with torque, disagreement and change of the moment, and the law that gives them.
+_Answer = tuple[float, float, float, float, float, float]
+_Run = Callable[[PositionLaw, float, float, float, float, float, float], _Answer]
 
 
 class LoadSide:
@@ -33,12 +35,13 @@ class LoadSide:
     Attributes:
         torque_ff_nm: torque of this scan, motor side, on top of what the power sequence asks for.
         disagreement_rad: load-side encoder minus the angle by motor encoder and maps.
+        moment_change_nm: of the eccentric moment since the calibration, as the observer sees it.
     """
 
     __slots__ = (
-        "_alarms", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans",
-        "_turn_counts", "_turn_rad", "_turns", "_watched",
-        "disagreement_rad", "laws", "torque_ff_nm",
+        "_alarms", "_changed", "_changed_scans", "_count", "_feedback", "_law", "_limit", "_moment_limit",
+        "_run", "_run_again", "_scans", "_turn_counts", "_turn_rad", "_turns", "_watched",
+        "disagreement_rad", "laws", "moment_change_nm", "torque_ff_nm",
     )  # fmt: skip
 
     def __init__(
@@ -59,42 +62,50 @@ class LoadSide:
         self._watched = compensation.load_encoder
         self._limit = compensation.disagreement_rad
         self._scans = settings.scans(compensation.disagreement_time_s)
-        self._count = 0
+        self._moment_limit = compensation.moment_limit_nm
+        self._changed_scans = settings.scans(_CHANGED_S)
+        self._count = self._changed = 0
         self._turn_rad = 0.0
         turn = settings.law.turn_counts
         self._turn_counts = None if turn is None else float(turn)
         self._turns = 0
         self.torque_ff_nm = 0.0
-        self.disagreement_rad = 0.0
+        self.disagreement_rad = self.moment_change_nm = 0.0
 
     def scan(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command of this scan; `counts` minus the zero offset."""
         if self._turn_counts is not None:
             self._next_turn(virtual.pos_ref_rad)
-        vel, pos, error, self.torque_ff_nm, self.disagreement_rad = self._by(self._run, virtual, counts)
+        vel, pos, error, self.torque_ff_nm, self.disagreement_rad, self.moment_change_nm = self._by(
+            self._run, virtual, counts
+        )
         if self._watched:
             self._watch()
+        if self.moment_change_nm > self._moment_limit:
+            self._moment_changed()
+        else:
+            self._changed = 0
         return vel, pos, error
 
     def scan_again(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command for another set-point in the same scan: a law with memory counts no scan twice."""
-        vel, pos, error, self.torque_ff_nm, _ = self._by(self._run_again, virtual, counts)
+        vel, pos, error, self.torque_ff_nm, _, _ = self._by(self._run_again, virtual, counts)
         return vel, pos, error
 
     def _by(self, run: _Run, virtual: VirtualAxis, counts: float) -> _Answer:
         """One scan of the laws: of a modulo axis, within the turn that they count from."""
         ref, ring = virtual.pos_ref_rad, self._feedback.pos_ring_rad + self._turn_rad
-        vel, acc = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
+        vel, acc, torque = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, self._feedback.torque_nm
         if self._turn_counts is None:
-            return run(self._law, ref, vel, acc, counts, ring)
+            return run(self._law, ref, vel, acc, counts, ring, torque)
         turn_rad = self._turns * _TURN
         ref -= turn_rad
         # An encoder of one turn on the ring goes round with the axis.
         if math.isfinite(ring):
             ring += _TURN * round((ref - ring) / _TURN)
         counts -= self._turns * self._turn_counts
-        cmd, pos, error, torque_nm, disagreement = run(self._law, ref, vel, acc, counts, ring)
-        return cmd, pos + turn_rad, error, torque_nm, disagreement
+        cmd, pos, error, torque_nm, disagreement, change = run(self._law, ref, vel, acc, counts, ring, torque)
+        return cmd, pos + turn_rad, error, torque_nm, disagreement, change
 
     def _next_turn(self, ref_rad: float) -> None:
         """Let the laws count from the turn that the set-point is in: an angle of theirs is one of a turn."""
@@ -130,6 +141,14 @@ class LoadSide:
         """Angle of the motor, at the gantry, when a new reference puts the load at `pos_rad`."""
         self.laws.forget_bias()
         return pos_rad + self.laws.lead(pos_rad)
+
+    def _moment_changed(self) -> None:
+        """Warn of a moment beyond what a person expects; the laws follow it to the limit and no further."""
+        self._changed = self._feedback.lasting(self._changed)
+        if self._changed >= self._changed_scans:
+            self._alarms.raise_(
+                Code.CTL_19, measured=1e-3 * self.moment_change_nm, limit=1e-3 * self._moment_limit
+            )
 
     def _watch(self) -> None:
         # Disagreement is TORQUE OFF: a monitor that doubts the position cannot trust a ramp on it (decision 10).

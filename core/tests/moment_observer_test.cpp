@@ -1,0 +1,168 @@
+// The moment observer against a torque balance written here, and what keeps it within its limits.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/control/compensated_law.hpp"
+#include "core/lane/pack.hpp"
+#include "example.hpp"
+
+namespace gantry {
+namespace {
+
+using Params = CompensationParams<double>;
+using State = CompensationState<double>;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kRatio = 1144.0, kTs = 1e-3;
+
+Params observed() {
+  Params p;
+  p.moment_observer = true;
+  p.period_s = kTs;
+  p.moment_sine_nm = 1.6e4;
+  p.moment_cosine_nm = -1e3;
+  p.inertia_kg_m2 = 2.6e6;
+  p.friction_nm = 1.2e4;
+  p.friction_load_ratio = 0.1;
+  p.friction_nm_s_per_rad = 6e4;
+  p.friction_spread_nm = 6e3;
+  p.moment_limit_nm = 3e4;
+  p.observer_speed_rad_s = 1e-3;
+  p.observer_weight = 4e-3 / (4e3 * 4e3);
+  p.observer_memory = std::exp(-kTs / 300.0);
+  p.observer_rate = 1e-3;
+  return p;
+}
+
+// What a machine is that has changed.
+struct Machine {
+  double sine = 0.0, cosine = 0.0, friction = 0.0;
+
+  double torque(const Params& p, double pos, double vel) const {
+    const double moment =
+        (p.moment_sine_nm + sine) * std::sin(pos) + (p.moment_cosine_nm + cosine) * std::cos(pos);
+    const double lost = p.friction_nm + friction + p.friction_load_ratio * std::fabs(moment);
+    return (moment + p.friction_nm_s_per_rad * vel + std::copysign(lost, vel)) / kRatio;
+  }
+};
+
+// Moves from one angle to another at constant speed; returns what is seen at the end.
+Moment<double> move(const Params& p, State& s, const Machine& machine, double from, double to, double speed) {
+  const double vel = std::copysign(speed, to - from);
+  s.direction = std::copysign(1.0, vel);
+  Moment<double> seen{0.0, 0.0};
+  const int scans = static_cast<int>(std::fabs(to - from) / (speed * kTs));
+  for (int k = 0; k < scans; ++k) {
+    const double pos = from + k * kTs * vel;
+    seen = observe_moment(p, kRatio, {pos, vel, 0.0}, machine.torque(p, pos, vel), s);
+  }
+  return seen;
+}
+
+TEST(MomentObserver, tells_moment_from_friction_by_motion_both_ways) {
+  const Params p = observed();
+  for (const Machine& machine : {Machine{2e4, 0.0, 0.0}, Machine{-8e3, 5e3, 4e3}, Machine{0.0, 0.0, -4e3}}) {
+    State s;
+    move(p, s, machine, -1.5, 1.5, 0.1);
+    const Moment<double> seen = move(p, s, machine, 1.5, -1.5, 0.1);
+    // The prior keeps one part in some hundred, the load ratio lags behind the moment in use by as much.
+    EXPECT_NEAR(seen.sine_nm, machine.sine, 0.02 * 2e4);
+    EXPECT_NEAR(seen.cosine_nm, machine.cosine, 0.02 * 2e4);
+    // What is in use has followed.
+    EXPECT_NEAR(moment_now(p, s).sine_nm, p.moment_sine_nm + seen.sine_nm, 200.0);
+  }
+}
+
+TEST(MomentObserver, uses_no_more_than_its_limit_and_tells_what_it_sees) {
+  Params p = observed();
+  p.moment_limit_nm = 5e3;
+  State s;
+  move(p, s, {2e4, 0.0, 0.0}, -1.5, 1.5, 0.1);
+  const Moment<double> seen = move(p, s, {2e4, 0.0, 0.0}, 1.5, -1.5, 0.1);
+  EXPECT_GT(seen.sine_nm, 1.5e4);
+  EXPECT_NEAR(std::hypot(s.moment_sine_nm, s.moment_cosine_nm), p.moment_limit_nm, 10.0);
+  EXPECT_LE(std::hypot(s.moment_sine_nm, s.moment_cosine_nm), p.moment_limit_nm);
+}
+
+TEST(MomentObserver, learns_nothing_at_rest_in_reversal_or_without_a_torque) {
+  const Params p = observed();
+  State s;
+  s.direction = 1.0;
+  for (int k = 0; k < 1000; ++k) {
+    observe_moment(p, kRatio, {1.0, 0.0, 0.0}, 100.0, s);
+    observe_moment(p, kRatio, {1.0, 5e-4, 0.0}, 100.0, s);   // too slow
+    observe_moment(p, kRatio, {1.0, -0.05, 0.0}, 100.0, s);  // the direction has not turned round
+    observe_moment(p, kRatio, {1.0, 0.05, 0.0}, kNaN, s);
+    observe_moment(p, kRatio, {1.0, 0.05, 0.0}, std::numeric_limits<double>::infinity(), s);
+  }
+  EXPECT_EQ(s.info_friction, 0.0);
+  EXPECT_EQ(s.moment_sine_nm, 0.0);
+  EXPECT_EQ(moment_now(p, s).sine_nm, p.moment_sine_nm);
+}
+
+TEST(MomentObserver, forgets_what_was_before) {
+  Params p = observed();
+  p.observer_memory = std::exp(-kTs / 20.0);
+  State s;
+  for (int k = 0; k < 2; ++k) {
+    move(p, s, {2e4, 0.0, 0.0}, -1.5, 1.5, 0.1);
+    move(p, s, {2e4, 0.0, 0.0}, 1.5, -1.5, 0.1);
+  }
+  Moment<double> seen{0.0, 0.0};
+  for (int k = 0; k < 2; ++k) {
+    move(p, s, {0.0, 0.0, 0.0}, -1.5, 1.5, 0.1);
+    seen = move(p, s, {0.0, 0.0, 0.0}, 1.5, -1.5, 0.1);
+  }
+  EXPECT_NEAR(seen.sine_nm, 0.0, 500.0);
+}
+
+TEST(MomentObserver, switched_off_changes_no_bit_of_the_law) {
+  Params off = observed();
+  off.moment_observer = false;
+  off.windup = off.torque_eccentric = true;
+  off.compliance_rad_per_nm = 2.8e-9;
+  off.pos_limit_rad = 1e-3;
+  off.torque_limit_nm = 60.0;
+  Params on = off;
+  on.moment_observer = true;
+  on.observer_weight = 0.0;
+  State a, b;
+  for (int k = 0; k < 100; ++k) {
+    const SetPoint<double> r{0.3 + 1e-5 * k, 0.01, 0.0};
+    const double counts = 0.3 * kRatio / example::law().rad_per_count;
+    const auto x = compensated_law(example::law(), off, a, r, counts, 0.0, 80.0);
+    const auto y = compensated_law(example::law(), on, b, r, counts, 0.0, 80.0);
+    EXPECT_EQ(x.law.vel_cmd_rad_s, y.law.vel_cmd_rad_s);
+    EXPECT_EQ(x.torque_ff_nm, y.torque_ff_nm);
+  }
+}
+
+TEST(MomentObserver, packs_give_each_lane_the_bits_that_it_has_alone) {
+  constexpr int kLanes = 4;
+  const Params p = observed();
+  CompensationParams<Pack<kLanes>> many;
+  many.moment_observer = true;
+#define X(name, value, meaning) many.name = Pack<kLanes>(p.name);
+  GANTRY_COMPENSATION_PARAMS(X)
+#undef X
+  CompensationState<Pack<kLanes>> states;
+  State alone[kLanes];
+  states.direction = Pack<kLanes>(1.0);
+  for (State& s : alone) s.direction = 1.0;
+  for (int scan = 0; scan < 200; ++scan) {
+    const double pos = 0.2 + 1e-4 * scan;
+    Pack<kLanes> torque;
+    for (int k = 0; k < kLanes; ++k) torque.lane[k] = k == 3 ? kNaN : 20.0 + 3.0 * k;
+    const auto seen =
+        observe_moment(many, Pack<kLanes>(kRatio), {Pack<kLanes>(pos), Pack<kLanes>(0.1), Pack<kLanes>(0.0)},
+                       torque, states);
+    for (int k = 0; k < kLanes; ++k) {
+      const auto one = observe_moment(p, kRatio, {pos, 0.1, 0.0}, torque.lane[k], alone[k]);
+      EXPECT_EQ(seen.sine_nm.lane[k], one.sine_nm);
+      EXPECT_EQ(states.moment_cosine_nm.lane[k], alone[k].moment_cosine_nm);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace gantry
