@@ -72,6 +72,8 @@ def consistent_changes(draw):
     # A cycle passes at most a quarter of a period of the cogging: 127 us at the highest ceiling and ratio drawn here.
     changes["plant.switches.cogging"] &= cycle < 120.0
     _agree(changes)
+    # The moment observer follows within a limit; the delivered machine has 0, which no factor changes.
+    changes["control.compensation.moment_observer.limit_nm"] = draw(1.0, 1e5)
     changes["can.stepped"] &= not changes["can.commissioning_required"]
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output
         changes |= {"drive.speed_loop.cycle_us": 125.0, "control.scan_period_ms": 4.0, "brake.owner": "drive"}

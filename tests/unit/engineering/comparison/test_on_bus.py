@@ -93,7 +93,7 @@ def test_random_plants_are_refused_on_a_bus(tmp_path: Path) -> None:
     name = configs_folder() / "hust_can.toml"
     refused = cli("compare", name, name, "--ensemble", "2")
     assert refused.code == 2
-    assert "random plants are simulated" in refused.err
+    assert "--ensemble: its plants are simulated" in refused.err
 
 
 @pytest.mark.parametrize(("place", "told"), [("tcp:here:1", "D-K-4711"), ("simulated", "none: simulated")])
