@@ -34,6 +34,7 @@ UNIT_OF_SUFFIX = {
     "_nm_per_rad": "N m/rad", "_nm": "N m", "_kg_m2": "kg m2", "_kg": "kg", "_r_min": "r/min", "_kw": "kW",
     "_ms": "ms", "_us": "us", "_um": "um", "_mm": "mm", "_rad_s": "rad/s", "_rad": "rad", "_hz": "Hz",
     "_per_s": "1/s", "_per_speed_s": "s", "_s": "s", "_m_s": "m/s", "_m": "m", "_a": "A", "_days": "d", "_c": "degC",
+    "_n_per_m": "N/m", "_k": "K", "_per_k": "1/K", "_nm_per_rad2": "N m/rad2", "_nm_per_rad3": "N m/rad3",
 }  # fmt: skip
 
 

@@ -37,6 +37,37 @@ UNNOTICED = {
     "plant.roller_friction.stribeck_deg_s": [60.0],
     "plant.roller_friction.viscous_nm_s_per_rad": [60.0],
     "plant.base.inertia_kg_m2": list(FACTORS),
+    "plant.cable.moment_1_nm_per_rad": list(FACTORS),
+    "plant.cable.friction_nm": list(FACTORS),
+    # Held against the motor only where their switch is on: see SEEN_WHEN_ON.
+    "plant.motor.cogging_torque_nm": list(FACTORS),
+    "plant.ageing.roller_nm": list(FACTORS),
+    "plant.ageing.motor_nm": list(FACTORS),
+    "plant.encoder.interpolation_1x_rad": [60.0],
+    "plant.encoder.interpolation_2x_rad": [60.0],
+    "plant.encoder.eccentricity_rad": [60.0],  # magnetic encoders have 1 deg
+    "plant.ageing.roller_time_s": [60.0],  # grease creeps for seconds to minutes
+    "plant.ageing.motor_time_s": [60.0],
+    "plant.ageing.roller_length_rad": [60.0],  # true of a small rim
+    "plant.structure.nozzle_stiffness_radial_n_per_m": [60.0],  # a stiffer mount of a heavier nozzle
+    "plant.structure.nozzle_stiffness_tangential_n_per_m": [60.0],
+    "plant.structure.nozzle_tilt_stiffness_nm_per_rad": [60.0],
+    # 0 by default, and 0 in every unit.
+    "control.compensation.moment_observer.limit_nm": list(FACTORS),  # whoever switches it on must give it
+    "plant.motor.cogging_phase_rad": list(FACTORS),
+    "plant.encoder.eccentricity_phase_rad": list(FACTORS),
+    "plant.thermal.gears_start_k": list(FACTORS),  # the temperature of alignment
+    "plant.thermal.gears_end_k": list(FACTORS),
+    "plant.thermal.motor_start_k": list(FACTORS),
+    "plant.thermal.motor_end_k": list(FACTORS),
+    "plant.thermal.support_share": list(FACTORS),
+    "plant.cable.moment_nm": list(FACTORS),
+    "plant.cable.moment_2_nm_per_rad2": list(FACTORS),
+    "plant.cable.moment_3_nm_per_rad3": list(FACTORS),
+    "control.compensation.gear_map.cycles_per_turn": list(FACTORS),  # empty: none is known
+    # Seeds have no unit.
+    "plant.tooth_pitch.seed": list(FACTORS),
+    "plant.structure.track_seed": list(FACTORS),
     "plant.load.eccentric_angle_deg": list(FACTORS),  # 0 deg stays 0 deg in every unit
     "control.compensation.latency_us": list(FACTORS),
     "axis.gear_motor_turns": list(FACTORS),  # 0: by the ratios
@@ -68,9 +99,9 @@ def changed(path, factor):
     return round(value * factor) if field_specs()[path].kind == "integer" else value * factor
 
 
-def is_refused(path, factor):
+def is_refused(path, factor, machine=MACHINE):
     try:
-        with_values(MACHINE, {path: changed(path, factor)})
+        with_values(machine, {path: changed(path, factor)})
     except ConfigError as error:
         return any(path.split(".")[-1] in line for line in error.problems)
     return False
@@ -88,6 +119,23 @@ def test_key_fields_are_many():
 def test_values_too_large_by_a_unit_are_refused(path):
     unnoticed = [factor for factor in FACTORS if not is_refused(path, factor)]
     assert unnoticed == UNNOTICED.get(path, [])
+
+
+SEEN_WHEN_ON = {
+    "plant.motor.cogging_torque_nm": ("cogging", []),
+    # 60 x: the motor still breaks away.
+    "plant.ageing.roller_nm": ("ageing", [60.0]),
+    "plant.ageing.motor_nm": ("ageing", [60.0]),
+    "plant.encoder.interpolation_1x_rad": ("encoder_errors", []),
+    "plant.encoder.interpolation_2x_rad": ("encoder_errors", []),
+}
+
+
+@pytest.mark.parametrize("path", SEEN_WHEN_ON)
+def test_a_wrong_unit_is_refused_where_the_switch_is_on(path):
+    switch, unnoticed = SEEN_WHEN_ON[path]
+    on = with_values(MACHINE, {f"plant.switches.{switch}": True})
+    assert [factor for factor in FACTORS if not is_refused(path, factor, on)] == unnoticed
 
 
 # --- too small, the other way round: bounds cannot always tell a small machine from a wrong unit ------------

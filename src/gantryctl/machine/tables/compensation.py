@@ -91,7 +91,7 @@ class MomentObserverTable(Table):
         0.0, 0.0, 1e8, "Largest change since the calibration, at the axis; above 0 to follow."
     )
     # Some moves of a minute each: a change is followed within a few of them, and one move makes little of it.
-    memory_s: float = number(300.0, 10.0, 1e5, "Time in motion over which what was seen fades.")
+    memory_s: float = number(300.0, 10.0, 1e4, "Time in motion over which what was seen fades.")
 
 
 class CompensationTable(Table):

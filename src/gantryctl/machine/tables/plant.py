@@ -165,10 +165,12 @@ class ThermalTable(Table):
     gears_start_k: float = number(0.0, -40.0, 60.0, "Of ring and pinion, at the start.")
     gears_end_k: float = number(0.0, -40.0, 60.0, "The same in the end.")
     # 20 t of steel with 8 W/(m2 K) over 30 m2.
-    gears_time_s: float = number(36000.0, 1.0, 1e7, "Time constant of the gears.", "estimate")
+    # 1e6 s would be solid steel some 4 m thick.
+    gears_time_s: float = number(36000.0, 1.0, 1e6, "Time constant of the gears.", "estimate")
     motor_start_k: float = number(0.0, -40.0, 140.0, "Of the motor, at the start.")
     motor_end_k: float = number(0.0, -40.0, 140.0, "The same in the end.")
-    motor_time_s: float = number(1800.0, 1.0, 1e6, "Time constant of the motor.", "estimate")
+    # Catalogues of motors give 10 to 120 minutes.
+    motor_time_s: float = number(1800.0, 1.0, 1e5, "Time constant of the motor.", "estimate")
     expansion_per_k: float = number(1.15e-5, 0.0, 3e-5, "Expansion of the gears: steel.", "standard")
     support_share: float = number(
         0.0,
@@ -192,12 +194,13 @@ class AgeingTable(Table):
     roller_nm: float = number(
         1500.0, 0.0, 1e8, "Growth of the rollers' breakaway after a long rest.", "estimate"
     )
-    roller_time_s: float = number(10.0, 1e-3, 1e6, "Time constant of it.", "estimate")
-    # 0.24 mm at the rim: the width of a rolling contact.
-    roller_length_rad: float = number(1.0e-4, 1e-9, 1.0, "Sliding angle after which it is lost.", "estimate")
+    roller_time_s: float = number(10.0, 1e-3, 3000.0, "Time constant of it.", "estimate")
+    # 0.24 mm at the rim: the width of a rolling contact. At most 0.2 mm on a radius of 10 mm.
+    roller_length_rad: float = number(1.0e-4, 1e-9, 0.02, "Sliding angle after which it is lost.", "estimate")
     motor_nm: float = number(2.0, 0.0, 1e5, "The same of the motor, at its shaft.", "estimate")
-    motor_time_s: float = number(10.0, 1e-3, 1e6, "Time constant of it.", "estimate")
-    motor_length_rad: float = number(0.05, 1e-7, 100.0, "Sliding angle after which it is lost.", "estimate")
+    motor_time_s: float = number(10.0, 1e-3, 3000.0, "Time constant of it.", "estimate")
+    # No contact is longer than the radius it runs on.
+    motor_length_rad: float = number(0.05, 1e-7, 1.0, "Sliding angle after which it is lost.", "estimate")
 
 
 class CableTable(Table):
@@ -276,32 +279,35 @@ class WindTable(Table):
 class StructureTable(Table):
     """[plant.structure]: what bends under its own weight; `gantryctl accuracy isocentre` reads it, no run does."""
 
-    tube_mass_kg: float = number(1.2e5, 0.0, 1e8, "Of the part that bends between the rings.", "estimate")
+    tube_mass_kg: float = number(1.2e5, 0.0, 5e6, "Of the part that bends between the rings.", "estimate")
     # 1 mm of sag, and a fifth less across the side that is open for the patient.
-    tube_stiffness_radial_n_per_m: float = number(1.2e9, 1e3, 1e14, "Towards the nozzle.", "estimate")
-    tube_stiffness_tangential_n_per_m: float = number(1.5e9, 1e3, 1e14, "Across it.", "estimate")
+    # 5e10 N/m: steel of 1.5 m2 in section, 6 m long, pulled.
+    tube_stiffness_radial_n_per_m: float = number(1.2e9, 1e3, 5e10, "Towards the nozzle.", "estimate")
+    tube_stiffness_tangential_n_per_m: float = number(1.5e9, 1e3, 5e10, "Across it.", "estimate")
     nozzle_mass_kg: float = number(
-        4000.0, 0.0, 1e7, "Nozzle, or what stands for it on another axis.", "estimate"
+        4000.0, 0.0, 2e5, "Nozzle, or what stands for it on another axis.", "estimate"
     )
-    nozzle_stiffness_radial_n_per_m: float = number(1.5e8, 1e3, 1e14, "Of its mount, radially.", "estimate")
-    nozzle_stiffness_tangential_n_per_m: float = number(8.0e7, 1e3, 1e14, "Of its mount, across.", "estimate")
-    nozzle_tilt_stiffness_nm_per_rad: float = number(5.0e8, 1e3, 1e15, "Of its mount, tilting.", "estimate")
+    # 2e10 N/m: steel of 0.1 m2 in section, 1 m long, pulled.
+    nozzle_stiffness_radial_n_per_m: float = number(1.5e8, 1e3, 2e10, "Of its mount, radially.", "estimate")
+    nozzle_stiffness_tangential_n_per_m: float = number(8.0e7, 1e3, 2e10, "Of its mount, across.", "estimate")
+    # 1e11 N m/rad: a solid steel post of 1.8 m in diameter, 1 m long, bent.
+    nozzle_tilt_stiffness_nm_per_rad: float = number(5.0e8, 1e3, 1e11, "Of its mount, tilting.", "estimate")
     nozzle_radius_m: float = number(2.5, 0.0, 50.0, "From its mount to the isocentre.", "estimate")
     nozzle_reach_m: float = number(1.0, 0.0, 50.0, "Its centre of mass from its mount, inwards.", "estimate")
-    nozzle_overhang_m: float = number(0.3, -20.0, 20.0, "The same, along the axis.", "estimate")
+    nozzle_overhang_m: float = number(0.3, -15.0, 15.0, "The same, along the axis.", "estimate")
     nozzle_place: float = number(0.4, -1.0, 2.0, "Between front ring (0) and rear ring (1).", "estimate")
     ring_distance_m: float = number(6.0, 0.01, 100.0, "From front to rear ring.", "estimate")
     roller_angle_deg: float = number(
         30.0, 5.0, 80.0, "Of the rollers to either side of the lowest point.", "estimate"
     )
-    front_track_um: tuple[Annotated[float, Field(ge=0.0, le=5000.0)], ...] = numbers(
+    front_track_um: tuple[Annotated[float, Field(ge=0.0, le=2000.0)], ...] = numbers(
         (80.0, 30.0, 15.0),
         1,
         8,
         "Track of the front ring: amplitudes of 2, 3, ... waves per turn.",
         "estimate",
     )
-    rear_track_um: tuple[Annotated[float, Field(ge=0.0, le=5000.0)], ...] = numbers(
+    rear_track_um: tuple[Annotated[float, Field(ge=0.0, le=2000.0)], ...] = numbers(
         (60.0, 30.0, 15.0), 1, 8, "Track of the rear ring.", "estimate"
     )
     track_seed: int = number(1, 0, 2**31 - 1, "Seed of the phases of the tracks.")
@@ -324,8 +330,8 @@ class PlantEncoderTable(Table):
     mounting_turns: int = number(2048, 0, 2**24, "Encoder turns at 0 deg of the axis.")
     serial: str = text("SIM-0001", 40, "Serial number the simulated encoder reports.")
     # 1 % of a signal period of 2048 lines, half and half (Heidenhain, encoders for servo drives).
-    interpolation_1x_rad: float = number(1.5e-5, 0.0, 1e-2, "Error once per signal period.", "catalogue")
-    interpolation_2x_rad: float = number(1.5e-5, 0.0, 1e-2, "Error twice per signal period.", "catalogue")
+    interpolation_1x_rad: float = number(1.5e-5, 0.0, 5e-3, "Error once per signal period.", "catalogue")
+    interpolation_2x_rad: float = number(1.5e-5, 0.0, 5e-3, "Error twice per signal period.", "catalogue")
     # System accuracy of 20 arcsec.
     eccentricity_rad: float = number(8.0e-5, 0.0, 0.02, "Error once per motor turn.", "catalogue")
     eccentricity_phase_rad: float = number(0.0, -6.3, 6.3, "Phase of it at motor angle 0.")
