@@ -191,15 +191,3 @@ def test_every_compensation_buys_what_it_is_for_and_all_together_most(
     trapezoid, s_curve = report.profiles
     assert s_curve.move.time_s < trapezoid.move.time_s
     assert s_curve.move.residual_um < 0.5 * trapezoid.move.residual_um
-
-
-def test_the_readme_says_what_a_moment_after_the_identification_costs() -> None:
-    """The improved loop is judged on the plant that it knows; 20 kN m more, and A is three times as large."""
-    identified = without_load_encoder(improved_machine())
-    arm_m = identified.plant.load.eccentricity_m * 36.0 / 16.0
-    changed = with_values(identified, {"plant.load.eccentricity_m": arm_m})
-    known, other = (test.a_true_deg for test in chord_tests([identified, changed], "B", [0, 0]))
-    readme = README.read_text(encoding="utf-8")
-    assert f"{known:.4f} without (procedures A and B" in readme
-    assert f"A = {other:.4f} deg without load-side encoder (procedure B)" in readme
-    assert other > 2.5 * known

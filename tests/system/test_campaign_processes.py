@@ -58,6 +58,7 @@ def test_an_interrupt_and_a_kill_lose_nothing_and_leave_no_process(tmp_path: Pat
     assert sorted_bytes(result) == undisturbed(campaign, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(120)
 def test_a_worker_with_other_code_is_refused_by_name(tmp_path: Path) -> None:
     """Same version, one file changed: alone in the cluster it ends the run, beside a right one it gets no work."""

@@ -75,6 +75,7 @@ def test_frequency_responses_over_the_bus_are_those_of_the_model() -> None:
     assert abs(turning.measured.speed_loop / turning.model.speed_loop - 1.0)[high].max() < 0.15
 
 
+@pytest.mark.slow
 def test_a_small_signal_on_the_standing_axis_sees_the_springs_of_its_friction() -> None:
     with experiment(MACHINE) as run:
         small = measure_on(MACHINE, run, conditions(MACHINE)[0])

@@ -1,4 +1,4 @@
-"""Controller and drive over a vcan0 that loses, delays and doubles frames in motion, and the steps of commissioning.
+"""Controller and drive over a vcan0 that goes down, loses, delays and doubles frames, and the steps of commissioning.
 
 Run inside `support/vcan.sh`. The drive is stepped: it waits for a SYNC that is late or lost, so what is judged is what
 each side says, in its order.
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from vcan.rig import VcanBus, ended, netem
+from vcan.rig import VcanBus, ended, netem, run
 
 pytestmark = [pytest.mark.can, pytest.mark.timeout(300)]
 
@@ -70,3 +70,23 @@ def test_a_drive_is_commissioned_with_its_stops(bus: VcanBus) -> None:
     assert "failed" not in steps.values(), said
     # What comes of waiting for a drive that has left OPERATIONAL: 3 s in each scan, minutes for a silence.
     assert kept["results"]["stops"]["seconds"] < 120.0, said
+
+
+def test_an_interface_that_goes_down_is_an_alarm_and_comes_back(bus: VcanBus) -> None:
+    controller = bus.start("move", "60", "--json", "--no-trace")
+    bus.wait_for_speed(2.0, controller)
+    run("ip", "link", "set", "vcan0", "down")
+    try:
+        # No telegram any more: the drive stops by its own deadline.
+        ask = bus.clock_after(0)
+        while abs(bus.speed_deg_s()) > 0.05:
+            assert ask("truth")["time_s"] < 100.0
+        bus.ask("advance", s=2.0)  # and closes its brake
+        code, out, err = ended(controller)
+    finally:
+        run("ip", "link", "set", "vcan0", "up")
+    assert code == 4, err
+    assert out["alarms"][0].startswith("CAN-08"), out["alarms"]
+    # The controller has missed the stop: what it says of the angle is in doubt until somebody has compared it.
+    bus.set_zero()
+    bus.reset()

@@ -185,10 +185,16 @@ def journal() -> None:
     made.close()
 
 
-@pytest.mark.parametrize(
-    "command",
-    [pytest.param(run, marks=[pytest.mark.can] if RUNS[run][-1] == str(CAN) else []) for run in RUNS],
-)
+LONG = ("compare", "stops --find-quick", "tune")
+"""Five seconds of a processor each."""
+
+
+def marks(command: str) -> list[pytest.MarkDecorator]:
+    on_bus = [pytest.mark.can] if RUNS[command][-1] == str(CAN) else []
+    return on_bus + ([pytest.mark.slow] if command in LONG else [])
+
+
+@pytest.mark.parametrize("command", [pytest.param(run, marks=marks(run)) for run in RUNS])
 def test_the_keys_are_those_of_the_page(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if command.split(maxsplit=1)[0] in (
         "status",

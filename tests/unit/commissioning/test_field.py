@@ -173,6 +173,7 @@ def test_six_of_nine_drives_of_the_field_can_be_commissioned() -> None:
     assert commissioned(TABLES["e35 example"], watchdog=True).commissioned
 
 
+@pytest.mark.slow
 def test_a_node_that_holds_its_enable_makes_a_drive_usable_that_watches_nothing() -> None:
     """Also its stops: from 1 and 3 deg/s the torque goes off and the brake closes, which is no ramp."""
     found = commissioned(TABLES["e35 example"], whole=False, watchdog=True)

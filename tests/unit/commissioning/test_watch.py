@@ -78,6 +78,7 @@ def test_a_picture_has_few_points_and_leaves_out_what_is_unknown() -> None:
     assert motion_picture("nothing", still[:1]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.can
 def test_every_moving_step_is_drawn_and_shows_its_progress(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

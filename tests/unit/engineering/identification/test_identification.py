@@ -107,6 +107,7 @@ def test_the_eccentric_moment_of_a_tilted_load_has_both_parts() -> None:
     assert angle == pytest.approx(-30.0, abs=2.0)
 
 
+@pytest.mark.slow
 def test_the_encoder_on_the_ring_does_as_an_instrument_but_knows_nothing_of_its_own_errors() -> None:
     found = calibrate(SimulatedAxis(improved_machine(), LoadInstrument.LOAD_ENCODER))
     by_tracker = improved_machine().calibration

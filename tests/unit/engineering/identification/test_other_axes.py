@@ -143,6 +143,7 @@ def test_an_axis_that_is_another_one_lies_outside_of_the_intervals() -> None:
     assert {"inertia of load and motor", "eccentric moment, sine", "Coulomb friction, unloaded"} <= wrong
 
 
+@pytest.mark.slow
 def test_what_a_windy_axis_does_not_show_is_told_by_name() -> None:
     """A dish in gusts of 22 kN m without an eccentric moment: friction that grows with the load has no load to grow."""
     fitted, calibration = found("azimuth_dish")

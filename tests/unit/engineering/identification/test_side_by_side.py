@@ -42,6 +42,7 @@ def compiled(angle_deg: float, torque_nm: float = 128.5, wraps: int = 0) -> Comp
     )
 
 
+@pytest.mark.slow
 def test_many_are_identified_as_each_alone() -> None:
     """One of them travels less, so its runs are shorter; one has no wind-up that could be identified."""
     improved = improved_machine()

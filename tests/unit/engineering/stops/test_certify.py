@@ -70,6 +70,7 @@ def test_the_reducer_bears_what_a_spring_makes_of_a_step_of_deceleration() -> No
     assert stop.torque_reducer_nm == pytest.approx(closed_form_nm, rel=0.01)
 
 
+@pytest.mark.slow
 def test_what_is_certified_holds_by_hand_and_the_liar_does_not() -> None:
     found = certificate()
     # The gear error, which the hand has not, adds 4 % in the worst of the delivered gear's stops.
