@@ -9,6 +9,7 @@ from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, UsageError
 from gantryctl.machine import (
     config_hash,
+    configs_folder,
     default_machine,
     default_machine_path,
     field_specs,
@@ -30,6 +31,13 @@ def machine_file(tmp_path):
     path = tmp_path / "hust_gantry.toml"
     run("init", path)
     return path
+
+
+@pytest.mark.parametrize(
+    "name", sorted(p.name for p in configs_folder().glob("*.toml") if ".calibration" not in p.name)
+)
+def test_every_delivered_machine_passes_its_own_check(name):
+    assert ": ok: " in run("check", configs_folder() / name).output
 
 
 def test_init_copies_the_reference_file_with_its_comments(tmp_path, machine_file):
