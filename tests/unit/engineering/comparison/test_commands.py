@@ -22,6 +22,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("m.toml").write_text(IMPROVED.read_text("utf-8"), "utf-8")
 
 
+@pytest.mark.slow
 def test_identify_writes_the_file_that_the_machine_names_and_counts_versions_on() -> None:
     first = cli("identify", "--config", "m.toml")
     assert first.code == 0, first.err

@@ -80,6 +80,7 @@ def test_on_the_full_plant_the_numbers_are_right_to_their_worth(found: Calibrati
     assert found.identified.dead_time_s == pytest.approx(0.000515, abs=0.05 * 1e-3)  # 5 % of a cycle
 
 
+@pytest.mark.slow
 def test_friction_that_grows_with_the_load_is_no_moment() -> None:
     """The same samples without the motor's load-dependent friction: a linear balance says 5 % more moment."""
     machine = with_values(improved_machine(), {"plant.motor_friction.load_ratio": 0.25})

@@ -67,6 +67,7 @@ def test_the_speed_loop_of_a_drive_on_a_bus_is_read_from_its_position_and_torque
     assert loop.dead_time_s == pytest.approx(PERIOD_S + 0.000515, abs=0.05 * PERIOD_S)
 
 
+@pytest.mark.slow
 def test_a_slower_drive_has_more_dead_time(loop: SpeedLoop) -> None:
     """The liar of the figure above: a drive whose current takes 1.6 ms more must show it."""
     machine = with_values(MACHINE, {"drive.current_loop.bandwidth_hz": 85.0})

@@ -108,6 +108,7 @@ def test_a_small_stiff_table_is_identified_with_the_loads_that_swing_in_its_band
     assert by_name["gear map, rms of its error"].identified < 0.1 * by_name["gear map, rms"].truth
 
 
+@pytest.mark.slow
 def test_a_tilt_axis_of_a_hundred_degrees_is_identified_with_a_map_of_its_travel() -> None:
     machine = axis_of("my_tilt_table")
     assert machine.axis.pos_max_deg - machine.axis.pos_min_deg == 100.0
