@@ -33,7 +33,6 @@ FIRST_MOVE_MAX_S: Final = 60.0
 ADDED_MAX_MB: Final = 300.0
 """With pyarrow; decision 0021 says why it stays."""
 _SERVE_MAX_S: Final = 60.0
-_WITH_PYTHON: Final = frozenset({"pip", "setuptools", "pkg_resources", "_distutils_hack"})
 
 
 class Tried(NamedTuple):
@@ -159,12 +158,7 @@ def _cpu_s() -> float:
 
 
 def _bytes(folder: Path) -> int:
-    """Of all files but those of pip, which is part of the Python: it compiles itself (10 MB) when it runs first."""
-    return sum(
-        path.lstat().st_size
-        for path in folder.rglob("*")
-        if not path.is_dir() and _WITH_PYTHON.isdisjoint(path.relative_to(folder).parts)
-    )
+    return sum(path.lstat().st_size for path in folder.rglob("*") if not path.is_dir())
 
 
 def _said(command: Sequence[str], environment: os._Environ[str] | dict[str, str]) -> str:
