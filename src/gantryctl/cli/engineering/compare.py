@@ -124,11 +124,8 @@ def compare(
     if folder is not None:
         from gantryctl.engineering.comparison.page import render_comparison
 
-        path = write_json(folder / "compare.json", data)
         head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
-        page = write_text(folder / "report.html", render_comparison(report, head))
-        if not as_json:
-            click.echo(f"wrote {path}, {page}")
+        _write(folder / "compare.json", data, render_comparison(report, head), quiet=as_json)
     return int(report.verdict.passed is not True)
 
 
@@ -180,11 +177,8 @@ def _on_drift(
             paragraph(note)
         _say_verdict(report.verdict)
     if folder is not None:
-        path = write_json(folder / "drift.json", data)
         head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
-        page = write_text(folder / "report.html", render_drift(report, head))
-        if not as_json:
-            click.echo(f"wrote {path}, {page}")
+        _write(folder / "drift.json", data, render_drift(report, head), quiet=as_json)
     return int(report.verdict.passed is not True)
 
 
@@ -230,9 +224,8 @@ def _on_bus(
     if folder is not None:
         from gantryctl.engineering.comparison.page import render_bus_comparison
 
-        write_json(folder / "compare.json", data)
         head = head_of(improved, made, MeasuredBy(found.instrument, certificate))
-        write_text(folder / "report.html", render_bus_comparison(found, head))
+        _write(folder / "compare.json", data, render_bus_comparison(found, head), quiet=as_json)
     return int(found.verdict.passed is not True)
 
 
@@ -255,6 +248,13 @@ def _show(report: CompareReport) -> None:
     for note in notes(report):
         paragraph(note)
     _say_verdict(report.verdict)
+
+
+def _write(file: Path, data: object, page: str, *, quiet: bool) -> None:
+    """The figures as JSON, and the report beside them."""
+    path, report = write_json(file, data), write_text(file.with_name("report.html"), page)
+    if not quiet:
+        click.echo(f"wrote {path}, {report}")
 
 
 def _say_verdict(verdict: AccuracyVerdict) -> None:

@@ -116,7 +116,7 @@ def fit_lead(turns: Samples, mesh_nm: Floats, flank_nm: float, band: Band, expec
     """
     flank = flank_of(mesh_nm, flank_nm)
     found = _fitted(turns, flank, band, expected, (True, False))
-    # A gap that may be none is none: what there is of it stands in the reversal map then.
+    # A gap whose interval reaches 0 counts as 0: the reversal map holds what there is of it.
     if found.backlash_rad is not None and found.backlash_rad <= found.backlash_half_width_rad:
         found = _fitted(turns, flank, band, expected, (False,))
     return found

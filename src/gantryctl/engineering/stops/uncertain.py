@@ -114,7 +114,7 @@ def plants(machine: Machine, factors: Iterable[Factors]) -> Iterator[UncertainPl
         if isinstance(found, RefusedValue):
             raise ConfigError(
                 [
-                    f"{machine.name}: [plant.uncertainty]: the plant with {each.text} is none that can be simulated: "
+                    f"{machine.name}: [plant.uncertainty]: the plant with {each.text} cannot be simulated: "
                     f"{found}; narrow the bands"
                 ]
             )
