@@ -188,6 +188,12 @@ def test_every_compensation_buys_what_it_is_for_and_all_together_most(
     assert everything.load_error_deg_s < min(
         bare.load_error_deg_s, rows["hust_gantry, as it is"].load_error_deg_s
     )
-    trapezoid, s_curve = report.profiles
+    trapezoid, s_curve, motor_side, one_period, two_periods = report.profiles
     assert s_curve.move.time_s < trapezoid.move.time_s
     assert s_curve.move.residual_um < 0.5 * trapezoid.move.residual_um
+    # what is known of the machine is bought in time: 24 s are asked at the base motion of the paper's loop
+    assert one_period.move.time_s < motor_side.move.time_s < s_curve.move.time_s
+    assert motor_side.move.time_s <= 24.0
+    assert two_periods.move.residual_um < 0.6 * one_period.move.residual_um
+    for row in report.profiles:
+        assert row.move.base_um <= rows["hust_gantry, as it is"].base_um, row.name

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+import math
+from collections.abc import Sequence
+from typing import Final, Literal, NamedTuple
 
-from gantryctl.engineering.comparison.key_figures import SHORT_DEG, MoveFigures, move_figures
+from gantryctl.engineering.batch import expected
+from gantryctl.engineering.comparison.key_figures import SHORT_DEG, Move, MoveFigures, moves_figures
+from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.machine import Machine, with_values
 from gantryctl.machine.places import fitted_stretch_deg
 
 # Of the bisection: acceleration to 0.1 %.
 _STEPS: Final = 12
+_LOWEST_DEG_S2: Final = 0.1
 _HIGHEST_DEG_S2: Final = 3.0
+_ONE: Final = "S-curve, ramps of one swing period"
 
 
 class ProfileRow(NamedTuple):
@@ -22,38 +28,71 @@ class ProfileRow(NamedTuple):
     move: MoveFigures
 
 
-def profiles_at_equal_base_motion(machine: Machine, base_um: float, swing_hz: float) -> list[ProfileRow]:
-    """The short move by trapezoid and by S-curve, both with `base_um` of base motion; compensations as in `machine`.
+class _Way(NamedTuple):
+    """A machine and its profile; `ramp_s`: how long the acceleration ramps, 0 for a trapezoid."""
+
+    name: str
+    machine: Machine
+    ramp_s: float
+
+    def at(self, acc_deg_s2: float) -> Machine:
+        profile: Literal["trapezoid", "jerk_limited"] = "jerk_limited" if self.ramp_s else "trapezoid"
+        release = max(acc_deg_s2, self.machine.virtual_axis.jog_release_dec_deg_s2)
+        changes: dict[str, object] = {
+            "virtual_axis.profile": profile,
+            "virtual_axis.acc_deg_s2": acc_deg_s2,
+            "virtual_axis.dec_deg_s2": acc_deg_s2,
+            "virtual_axis.jog_release_dec_deg_s2": release,
+        }
+        if self.ramp_s:
+            changes["virtual_axis.jerk_deg_s3"] = acc_deg_s2 / self.ramp_s
+        return with_values(self.machine, changes)
+
+
+def profiles_at_equal_base_motion(
+    first: Machine, second: Machine, base_um: float, swing_hz: float
+) -> list[ProfileRow]:
+    """The short move with `base_um` of base motion, first by profiles alone, then with what the second machine knows.
 
     Args:
-        swing_hz: first mode; the S-curve takes one period of it for its acceleration ramp.
+        first: its compensations are those of the trapezoid and of the first S-curve.
+        swing_hz: first mode. A ramp of one of its periods leaves no swing behind; one of two periods has a second zero
+            around it, and half of the jerk.
     """
-    rows, quarter = [], fitted_stretch_deg(machine, *SHORT_DEG)
-    for name, profile in (("trapezoid", "trapezoid"), ("S-curve, ramps of one swing period", "jerk_limited")):
-        acc = _acceleration(machine, profile, base_um, swing_hz)
-        move = move_figures(_with_profile(machine, profile, acc, swing_hz), *quarter)
-        rows.append(ProfileRow(name, acc, acc * swing_hz if profile == "jerk_limited" else 0.0, move))
-    return rows
+    period_s = 1.0 / swing_hz
+    ways = [
+        _Way(f"{first.name}, trapezoid", first, 0.0),
+        _Way(f"{first.name}, {_ONE}", first, period_s),
+    ]
+    if second.control.compensation.load_encoder.active:
+        ways.append(
+            _Way(f"{second.name} without the load encoder, {_ONE}", without_load_encoder(second), period_s)
+        )
+    ways += [
+        _Way(f"{second.name}, {_ONE}", second, period_s),
+        _Way(f"{second.name}, ramps of two", second, 2.0 * period_s),
+    ]
+    found = _accelerations(ways, base_um)
+    moves = _moves(ways, found)
+    return [
+        ProfileRow(way.name, acc, acc / way.ramp_s if way.ramp_s else 0.0, move)
+        for way, acc, move in zip(ways, found, moves, strict=True)
+    ]
 
 
-def _acceleration(machine: Machine, profile: str, base_um: float, swing_hz: float) -> float:
-    low, high, quarter = 0.1, _HIGHEST_DEG_S2, fitted_stretch_deg(machine, *SHORT_DEG)
-    # Equal base motion, because a faster profile that shakes more is no better one.
+def _accelerations(ways: Sequence[_Way], base_um: float) -> list[float]:
+    """Equal base motion, because a faster profile that shakes more is no better one."""
+    low, high = [_LOWEST_DEG_S2] * len(ways), [_HIGHEST_DEG_S2] * len(ways)
     for _ in range(_STEPS):
-        middle = (low * high) ** 0.5
-        shaken = move_figures(_with_profile(machine, profile, middle, swing_hz), *quarter).base_um
-        low, high = (middle, high) if shaken <= base_um else (low, middle)
+        middle = [math.sqrt(a * b) for a, b in zip(low, high, strict=True)]
+        for index, move in enumerate(_moves(ways, middle)):
+            ends = low if move.base_um <= base_um else high
+            ends[index] = middle[index]
     return low
 
 
-def _with_profile(machine: Machine, profile: str, acc_deg_s2: float, swing_hz: float) -> Machine:
-    changes: dict[str, object] = {
-        "virtual_axis.profile": profile,
-        "virtual_axis.acc_deg_s2": acc_deg_s2,
-        "virtual_axis.dec_deg_s2": acc_deg_s2,
-        "virtual_axis.jog_release_dec_deg_s2": max(acc_deg_s2, machine.virtual_axis.jog_release_dec_deg_s2),
-    }
-    if profile == "jerk_limited":
-        # A ramp of one period of the first mode leaves no swing behind.
-        changes["virtual_axis.jerk_deg_s3"] = acc_deg_s2 * swing_hz
-    return with_values(machine, changes)
+def _moves(ways: Sequence[_Way], acc_deg_s2: Sequence[float]) -> list[MoveFigures]:
+    """The short move of each, all at once."""
+    ends = fitted_stretch_deg(ways[0].machine, *SHORT_DEG)
+    moves = [Move(way.at(acc), *ends) for way, acc in zip(ways, acc_deg_s2, strict=True)]
+    return expected(moves_figures(moves))

@@ -38,7 +38,7 @@ class CompareReport:
         short_deg, long_deg: ends of the two moves.
         rows: name and figures of every variant.
         identified: what the compensations know, beside the truth of the plant; empty if they know nothing.
-        profiles: trapezoid and S-curve at the base motion of the first machine.
+        profiles: what each profile takes for the short move at the base motion of the first machine.
         ensemble: None unless asked for.
         dial: how people read the ends of the moves.
     """
@@ -116,7 +116,7 @@ def compare_report(
         long_deg=fitted_stretch_deg(improved, *LONG_DEG),
         rows=rows,
         identified=tuple(comparisons(improved, calibration)) if calibration else (),
-        profiles=tuple(profiles_at_equal_base_motion(paper, rows[0][1].base_um, swing_hz)),
+        profiles=tuple(profiles_at_equal_base_motion(paper, improved, rows[0][1].base_um, swing_hz)),
         ensemble=(
             ensemble(
                 paper,

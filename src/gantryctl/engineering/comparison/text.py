@@ -58,7 +58,7 @@ def _profiles(report: CompareReport) -> TextTable:
         }
         for row in report.profiles
     ]
-    return TextTable.of(f"Profiles at the base motion of {report.first}, no compensation", rows)
+    return TextTable.of(f"The short move at the base motion of {report.first}", rows)
 
 
 def _quantiles(report: CompareReport, name: str) -> TextTable:
