@@ -9,6 +9,7 @@ import numpy as np
 
 from gantryctl.engineering.analysis.measured.response import MeasuredResponse, Ratios
 from gantryctl.engineering.analysis.models.linear import ComplexArray
+from gantryctl.engineering.analysis.models.load_side import DiskMargin, LoadSideFigures
 from gantryctl.engineering.analysis.models.mechanics import PlantKind
 from gantryctl.engineering.analysis.models.paper_loop import (
     pairs,
@@ -70,6 +71,7 @@ def study_data(study: Study) -> dict[str, Any]:
             }
             for mode in study.modes
         ],
+        "load_side": study.load_side and load_side_data(study.load_side),
         "sentences": sentences(study),
     }
     if study.kind is PlantKind.RIGID:
@@ -105,6 +107,24 @@ def _cut(figures: CutFigures) -> dict[str, Any]:
     }
 
 
+def load_side_data(figures: LoadSideFigures) -> dict[str, Any]:
+    """The whole loop: stable, its least damped swing, disk margin by cut."""
+
+    def disk(margin: DiskMargin) -> dict[str, float]:
+        return {"alpha": margin.alpha, "rad_s": margin.w_rad_s}
+
+    return {
+        "stable": figures.stable,
+        "zeta": figures.worst.zeta,
+        "hz": figures.worst.hz,
+        "disk_margins": {
+            "speed command": disk(figures.command),
+            "torque": disk(figures.torque),
+            "both encoders": disk(figures.encoders),
+        },
+    }
+
+
 def robust_data(report: RobustReport) -> dict[str, Any]:
     """The worst case and the unstable bands of stiffness."""
     margins = report.margins
@@ -115,6 +135,7 @@ def robust_data(report: RobustReport) -> dict[str, Any]:
         "worst_phase_margin": _case(margins.worst_phase),
         "worst_sensitivity": _case(margins.worst_sensitivity),
         "unstable_stiffness_nm_per_rad": plain(report.bands),
+        "load_side": [asdict(case.variation) | load_side_data(case.figures) for case in report.load_side],
         "sentences": robust_sentences(report),
     }
 

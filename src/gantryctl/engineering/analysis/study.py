@@ -9,6 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
+from gantryctl.engineering.analysis.models.load_side import (
+    LoadSideFigures,
+    WholeLoop,
+    load_side_figures,
+    load_side_law,
+)
 from gantryctl.engineering.analysis.models.margins import (
     Peak,
     PhaseFigures,
@@ -70,7 +76,11 @@ class ClosedFigures(NamedTuple):
 
 @dataclass(frozen=True)
 class Study:
-    """The result; `loop` answers everything else."""
+    """The result; `loop` answers everything else.
+
+    Attributes:
+        load_side: of the whole loop, where compensations feed the load back; all else is of the motor's loop alone.
+    """
 
     machine: Machine
     kind: PlantKind
@@ -80,6 +90,7 @@ class Study:
     cuts: tuple[CutFigures, ...]
     closed: tuple[ClosedFigures, ...]
     modes: tuple[SwingMode, ...]
+    load_side: LoadSideFigures | None
 
     @property
     def plant(self) -> Mechanics:
@@ -125,7 +136,13 @@ def study(machine: Machine, kind: PlantKind, friction: Friction = Friction.NONE)
         cuts=tuple(cut_figures(loop, cut) for cut in Cut),
         closed=_closed_figures(loop),
         modes=tuple(modes(loop)),
+        load_side=_load_side(machine, loop),
     )
+
+
+def _load_side(machine: Machine, loop: SampledLoop) -> LoadSideFigures | None:
+    law = load_side_law(machine)
+    return None if law is None else load_side_figures(WholeLoop(loop, law), grid_of(loop, Cut.TORQUE))
 
 
 def grid_of(loop: SampledLoop, cut: Cut | None = None) -> FloatArray:

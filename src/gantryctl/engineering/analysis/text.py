@@ -10,11 +10,18 @@ import numpy as np
 
 from gantryctl.engineering.analysis.measured.response import MeasuredResponse
 from gantryctl.engineering.analysis.models.linear import FloatArray
+from gantryctl.engineering.analysis.models.load_side import DiskMargin, LoadSideFigures
 from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind, Variation
 from gantryctl.engineering.analysis.models.modes import SwingMode
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop
 from gantryctl.engineering.analysis.models.rigid import RigidLoop
-from gantryctl.engineering.analysis.models.robust import Bands, Case, RobustMargins, RobustReport
+from gantryctl.engineering.analysis.models.robust import (
+    Bands,
+    Case,
+    LoadSideCase,
+    RobustMargins,
+    RobustReport,
+)
 from gantryctl.engineering.analysis.models.sampled import Cut, LoopSettings
 from gantryctl.engineering.analysis.study import FOLLOWING_WITHOUT, SWINGING, CutFigures, Study
 from gantryctl.engineering.report.origin import Origin
@@ -76,6 +83,13 @@ def sentences(study: Study) -> list[str]:
     if study.modes:
         found.append(_swing(study))
     found.append(_following(study))
+    if study.load_side is not None:
+        found.append(_whole(study.load_side))
+    elif study.machine.control.compensation.load_encoder.active and study.machine.calibration is None:
+        found.append(
+            "The loop through the load-side encoder is not in it: this machine has no calibration yet, `gantryctl "
+            "identify` makes it."
+        )
     if study.friction is Friction.HOLDING:
         found.append(
             "Friction holds: every friction element is a spring with its damping, as for movements below the "
@@ -199,6 +213,19 @@ def _following(study: Study) -> str:
     )
 
 
+def _whole(figures: LoadSideFigures) -> str:
+    """All sentences before are of the loop on the motor alone."""
+    state = "stable" if figures.stable else "UNSTABLE"
+    least = figures.smallest
+    return (
+        "Integral of the load-side error and damping of the swing feed the load back; all above is the motor's loop "
+        f"without them. With them the loop is {state}, its least damped swing has {100.0 * figures.worst.zeta:.1f} % "
+        f"at {figures.worst.hz:.2f} Hz, and at every cut gains may be off by {least.gain_down:.2f} to "
+        f"{least.gain_up:.2f}, or phases by {least.phase_deg:.0f} deg. Maps and feed-forward change no margin; the "
+        "moment observer is not in it."
+    )
+
+
 def _coarse(study: Study) -> str:
     # 8192 steps: 477 N m through the paper's Kvp at a drive cycle of 125 us.
     counts, s = study.machine.encoder.counts_per_turn, study.settings
@@ -228,7 +255,23 @@ def robust_sentences(report: RobustReport) -> list[str]:
         f"Over the uncertain full plant the worst swing has {100.0 * worst.zeta:.2f} % damping at {worst.hz:.2f} Hz "
         f"({state}; {describe(worst.variation)}); friction is left out."
     )
+    if report.load_side:
+        found.append(_whole_worst(report.load_side))
     return found
+
+
+def _whole_worst(cases: Sequence[LoadSideCase]) -> str:
+    unstable = sum(not case.figures.stable for case in cases)
+    swing = min(cases, key=lambda case: case.figures.worst.zeta)
+    margin = min(cases, key=lambda case: case.figures.smallest.alpha)
+    least = margin.figures.smallest
+    return (
+        f"With the load-side laws it is {f'unstable on {unstable}' if unstable else 'stable on all'} of {len(cases)} "
+        "plants, "
+        f"with {100.0 * swing.figures.worst.zeta:.1f} % damping at {swing.figures.worst.hz:.2f} Hz in the worst "
+        f"({describe(swing.variation)}); the smallest disk margin is {least.alpha:.2f}, gains {least.gain_down:.2f} to "
+        f"{least.gain_up:.2f} or {least.phase_deg:.0f} deg at every cut ({describe(margin.variation)})."
+    )
 
 
 def bands_text(bands: Bands) -> str:
@@ -296,7 +339,14 @@ def _spans(chosen: FloatArray, lines: FloatArray) -> str:
 
 def study_tables(study: Study) -> list[TextTable]:
     """All tables of a study."""
-    makers = (equation_5_table, margins_table, closed_table, modes_table, poles_table)
+    makers = (
+        equation_5_table,
+        margins_table,
+        closed_table,
+        modes_table,
+        poles_table,
+        load_side_table,
+    )
     return [make(study) for make in makers]
 
 
@@ -316,6 +366,31 @@ def _cut_row(figures: CutFigures) -> dict[str, str]:
         "gain may fall\nto": or_dash(figures.gain_down, ".3f"),
         "sensitivity\npeak": f"{figures.sensitivity.value:.2f}",
         "at\nHz": f"{figures.sensitivity.w_rad_s / _TWO_PI:.3g}",
+    }
+
+
+def load_side_table(study: Study) -> TextTable:
+    """Disk margins of the whole loop; no rows where no compensation feeds back."""
+    cuts = {} if study.load_side is None else _disk_cuts(study.load_side)
+    rows = [
+        {
+            "cut at": name,
+            "disk\nmargin": f"{margin.alpha:.2f}",
+            "gain may\nfall to": f"{margin.gain_down:.2f}",
+            "and\nrise to": f"{margin.gain_up:.2f}",
+            "or phase\nlose deg": f"{margin.phase_deg:.0f}",
+            "at\nHz": f"{margin.w_rad_s / _TWO_PI:.3g}",
+        }
+        for name, margin in cuts.items()
+    ]
+    return TextTable.of("Margins of the whole loop, load-side laws included", rows)
+
+
+def _disk_cuts(figures: LoadSideFigures) -> dict[str, DiskMargin]:
+    return {
+        "speed command": figures.command,
+        "torque": figures.torque,
+        "both encoders at once": figures.encoders,
     }
 
 

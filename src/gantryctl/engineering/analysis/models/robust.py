@@ -16,6 +16,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
+from gantryctl.engineering.analysis.models.load_side import (
+    LoadSideFigures,
+    WholeLoop,
+    load_side_figures,
+    load_side_law,
+)
 from gantryctl.engineering.analysis.models.margins import crossing_phases_deg, frequency_grid
 from gantryctl.engineering.analysis.models.mechanics import (
     Friction,
@@ -277,15 +283,37 @@ def bands_by_damping(
     return {zeta: unstable_stiffness(model(zeta), low, high) for zeta in DAMPINGS}
 
 
+class LoadSideCase(NamedTuple):
+    """One plant, and the figures of the whole loop on it."""
+
+    variation: Variation
+    figures: LoadSideFigures
+
+
 class RobustReport(NamedTuple):
-    """The worst case with the bands of stiffness in which the gains are unstable, by model and damping."""
+    """The worst case with the bands of stiffness in which the gains are unstable, by model and damping.
+
+    Attributes:
+        load_side: the whole loop on the same plants; empty where no compensation feeds back.
+    """
 
     margins: RobustMargins
     bands: dict[str, dict[float, Bands]]
+    load_side: tuple[LoadSideCase, ...]
 
 
 def robust_report(machine: Machine) -> RobustReport:
     """The configured gains on the uncertain set and over the stiffness."""
     models = {"two-mass, continuous": sketch_damping, "full, as it runs": running_damping}
     bands = {name: bands_by_damping(machine, partial(model, machine)) for name, model in models.items()}
-    return RobustReport(robust_margins(machine), bands)
+    plants = uncertain_plants(machine)
+    law, settings = load_side_law(machine), loop_settings(machine)
+    whole = [
+        LoadSideCase(
+            plant.variation,
+            load_side_figures(WholeLoop(SampledLoop(plant.plant, settings), law), plant.w_rad_s),
+        )
+        for plant in plants
+        if law is not None
+    ]
+    return RobustReport(robust_margins(machine, plants=plants), bands, tuple(whole))
