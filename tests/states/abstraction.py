@@ -528,19 +528,23 @@ def without_rule(roots: Roots) -> list[str]:
 def _all_of(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
     if len(names) > 1:
         return attrgetter(*names)
-    return lambda each: tuple(getattr(each, name) for name in names)
+    if not names:
+        return lambda _: ()
+    get = attrgetter(*names)
+    return lambda each: (get(each),)
 
 
 class Compiled:
     """The rules of one class, ready for many objects; `known`: the numbers of values seen before."""
 
-    __slots__ = ("known", "parts", "plain", "rules", "special", "when")
+    __slots__ = ("known", "parts", "plain", "rules", "simple", "special", "when")
 
     def __init__(self, rules: Rules) -> None:
         self.rules, self.when = rules, rules.when
         self.plain = _all_of(f"{rules.same} {rules.number} {rules.count}".split())
         self.parts = _all_of(rules.part.split()) if rules.part else None
         self.special = tuple(rules.special.values())
+        self.simple = self.when is None and not self.special
         self.known: dict[tuple[Any, ...], int] = {}
 
 
@@ -579,7 +583,9 @@ class Keys:
             one = compiled.get(type(each))
             if one is None:
                 one = compiled[type(each)] = Compiled(RULES[type(each)])
-            key.append(self._number(each, one))
+            # Three of four: seen before, and nothing else decides. The call costs as much as the rest.
+            number = one.known.get(one.plain(each)) if one.simple else None
+            key.append(self._number(each, one) if number is None else number)
             if one.parts is not None:
                 waiting.extend(one.parts(each))
         return tuple(key)
