@@ -462,15 +462,17 @@ class CanopenDrive:
     # --- the end -----------------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Torque off, brake closed, no watch over a controller that falls silent now; then leave the bus."""
+        """Torque off, brake closed, no watch over a controller that falls silent now; then leave the bus.
+
+        A drive that does not show that it is off keeps its watch, which stops it as soon as nobody sends any more.
+        """
         if self._closed:
             return
         try:
             self.silent_process_data = self.silent_heartbeat = False
-            if self.commanded:
-                self._come_to_rest()
-            with suppress(DeviceError):
-                self._take_the_watch_off()
+            if not self.commanded or self._comes_to_rest():
+                with suppress(DeviceError):
+                    self._take_the_watch_off()
         finally:
             self._closed = True
             self._leave()
@@ -489,13 +491,17 @@ class CanopenDrive:
         if self.node.sdo.optional(0x1016, 1):
             self.node.sdo.set(0x1016, 1, 0)
 
-    def _come_to_rest(self) -> None:
-        """Scan with safe outputs until the shaft is at rest; give up on a drive that does not answer."""
+    def _comes_to_rest(self) -> bool:
+        """Scan with safe outputs until the drive is off and its shaft at rest; False for one that does not show it."""
         period = self.settings.period_s
         for _ in range(round(_CLOSE_S / period)):
             self.write(SAFE_OUTPUT)
             self.link.pace(period)
             seen = self.read()
-            still = seen.state not in ENERGISED and not seen.brake_open
-            if seen.link or (still and abs(seen.vel_act_rad_s) < _REST_RAD_S):
-                return
+            # Of a lost drive nothing is known; a telegram that is missing, or a full queue, is no reason to leave.
+            if seen.link & LOST:
+                return False
+            off = seen.state not in (*ENERGISED, DriveState.UNKNOWN) and not seen.age_scans
+            if off and not seen.brake_open and abs(seen.vel_act_rad_s) < _REST_RAD_S:
+                return True
+        return False

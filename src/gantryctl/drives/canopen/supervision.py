@@ -224,7 +224,8 @@ class Supervision:
             enabled: the drive follows a target, or is asked to: only a resting one must be 0.
         """
         self._enabled = enabled
-        if self._scan < self._ask_at or self._requests.waiting:
+        # An answer that was lost must not end the asking; a slow one is waited for as long again.
+        if self._scan < self._ask_at + self._ask_scans * self._requests.waiting:
             return
         self._ask_at = self._scan + self._ask_scans
         self._asks_target = not self._asks_target and not enabled

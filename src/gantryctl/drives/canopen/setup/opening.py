@@ -43,6 +43,7 @@ from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow, ParameterVerdict
 from gantryctl.drives.profiles import places_of_maker
 from gantryctl.errors import DeviceError
+from gantryctl.image import DriveState
 
 # 6061 may follow a write to 6060 later: by 10 ms on a real drive model.
 _LAG_S: Final = 0.2
@@ -257,6 +258,8 @@ def _outputs_off(node: RemoteNode, mask: int) -> None:
 def _refuse_a_running_drive(node: RemoteNode) -> None:
     # Writing the mapping of an enabled drive would take it from the controller that runs it.
     state = decode_statusword(node.sdo.number(0x6041))
+    if state is DriveState.FAULT_REACTION_ACTIVE:
+        raise DeviceError(f"node {node.node} ramps down after a fault: wait until it stands, then go on")
     if state in TURNING:
         raise DeviceError(
             f"node {node.node} is in {state.name.replace('_', ' ').lower()} already: another controller runs it, or "

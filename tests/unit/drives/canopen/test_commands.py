@@ -1,0 +1,312 @@
+"""What the master sends to a drive in each of its states, and what it makes of a drive that does not answer.
+
+The other end is the virtual drive; what is judged are the bytes on the bus and the true shaft.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pytest
+
+from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveRequest, DriveState, LinkFlag, OutputImage
+from unit.drives.canopen.canopen_bench import ENABLE, SYNC_S, Bench
+
+pytestmark = pytest.mark.can
+
+RPDO, HEARTBEAT, SDO, NMT = 0x202, 0x77F, 0x602, 0x000
+ONE_DEG_S = math.radians(1.0) * 1144.0
+Frame = tuple[int, bytes]
+
+
+def spied(bench: Bench) -> list[Frame]:
+    """Frames of the master from now on."""
+    sent, send = list[Frame](), bench.link.send
+
+    def spy(can_id: int, data: bytes) -> bool:
+        sent.append((can_id, data))
+        return send(can_id, data)
+
+    bench.link.send = spy  # type: ignore[method-assign]
+    return sent
+
+
+class Command(NamedTuple):
+    """RPDO 1: 6040, 60FF, 60B2."""
+
+    word: int
+    speed: int
+    torque: int
+
+
+def commands(sent: list[Frame]) -> list[Command]:
+    return [
+        Command(
+            int.from_bytes(data[:2], "little"),
+            int.from_bytes(data[2:6], "little", signed=True),
+            int.from_bytes(data[6:8], "little", signed=True),
+        )
+        for can_id, data in sent
+        if can_id == RPDO
+    ]
+
+
+def each(
+    bench: Bench, sent: list[Frame], scans: int, output: OutputImage
+) -> list[tuple[DriveState, Command]]:
+    """State that was shown, and what was sent then."""
+    found = []
+    for _ in range(scans):
+        state = bench.drive.read().state
+        sent.clear()
+        bench.drive.write(output)
+        found.append((state, commands(sent)[0]))
+    bench.drive.read()
+    return found
+
+
+def test_speed_and_torque_go_out_in_the_states_that_may_have_them() -> None:
+    """1 deg/s is 19.97 rad/s or 1 666 048 increments a second; 25.7 N m are 100 per mille of 257."""
+    bench = Bench().open()
+    sent, moving = spied(bench), OutputImage(ENABLE, ONE_DEG_S, 25.7, True)
+    seen = each(bench, sent, 100, moving)
+    states = {state for state, _ in seen}
+    assert {DriveState.SWITCH_ON_DISABLED, DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED} <= states
+    for state, command in seen:
+        # 524 288 x 1144 / 360
+        assert command.speed == (1_666_071 if state is DriveState.OPERATION_ENABLED else 0), state
+        given = state in (DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED)
+        assert command.torque == (100 if given else 0), state
+    # The speed stays 0 with every other request, whatever the program says.
+    for request, word in ((DriveRequest.QUICK_STOP, 0x02), (DriveRequest.DISABLE, 0x00)):
+        bench.run(0.4)
+        assert bench.drive.read().state is DriveState.OPERATION_ENABLED
+        (_, command), *_ = each(bench, sent, 1, OutputImage(request, ONE_DEG_S, 0.0, True))
+        assert command == (word, 0, 0)
+        bench.run(1.0, DriveRequest.DISABLE)
+    bench.drive.close()
+
+
+def lost_by_restart(bench: Bench) -> None:
+    bench.event("reset")
+
+
+def lost_by_silence(bench: Bench) -> None:
+    bench.inject("silence")
+
+
+@pytest.mark.parametrize("lose", [lost_by_restart, lost_by_silence])
+def test_a_lost_drive_is_told_nothing_but_torque_off_and_shows_no_state(
+    lose: Callable[[Bench], None],
+) -> None:
+    bench = Bench().open().enable()
+    lose(bench)
+    bench.run(0.2)
+    sent = spied(bench)
+    bench.inject("silence", False)
+    for _ in range(100):
+        seen = bench.scan(ENABLE, 1.0)
+        # What it shows since is by SDO, and without torque.
+        assert seen.state in (DriveState.UNKNOWN, DriveState.SWITCH_ON_DISABLED, DriveState.FAULT)
+    assert set(commands(sent)) == {Command(0, 0, 0)}
+
+
+def test_in_the_proof_of_the_heartbeat_the_master_keeps_its_word_and_sends_none() -> None:
+    bench = Bench().open().enable()
+    sent = spied(bench)
+    bench.drive.silent_heartbeat = True
+    bench.run(0.3)
+    # It has stopped by itself, and the word has not followed.
+    assert bench.virtual.axis.state.name == "FAULT"
+    assert {command.word for command in commands(sent)} == {0x0F}
+    assert HEARTBEAT not in {can_id for can_id, _ in sent}
+
+
+def test_a_drive_that_takes_no_commands_gets_no_heartbeat_that_keeps_it_going() -> None:
+    bench = Bench().open().enable()
+    bench.ramp_to(0.6)
+    bench.event("nmt", state="PRE_OPERATIONAL")
+    while not bench.scan(ENABLE, 0.6).link & LinkFlag.NOT_OPERATIONAL:
+        pass
+    sent = spied(bench)
+    bench.run(0.4, ENABLE, 0.6)
+    assert HEARTBEAT not in {can_id for can_id, _ in sent}
+
+
+@pytest.mark.parametrize(("tpdo", "ages"), [(1, (1, 0, 0)), (2, (0, 1, 1))])
+def test_a_missing_telegram_ages_what_it_carries(tpdo: int, ages: tuple[int, int, int]) -> None:
+    bench = Bench().open().enable()
+    bench.ask("inject", fault="tpdo", tpdo=tpdo, kind="drop", count=1)
+    seen = bench.scan()
+    assert (seen.age_scans, seen.speed_age_scans, seen.inputs_age_scans) == ages
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(("bit", "limited"), [(0x0400, False), (0x0800, True), (0x1000, False)])
+def test_bit_11_is_the_limited_torque_and_only_while_there_is_torque(bit: int, limited: bool) -> None:
+    bench = Bench().open()
+    bench.inject("status_set", value=bit)
+    assert not bench.run(0.02, DriveRequest.DISABLE).torque_limited
+    assert bench.run(0.4).torque_limited is limited
+    bench.drive.close()
+
+
+def test_bit_12_is_waited_for_at_every_enabling() -> None:
+    bench = Bench().open()
+    for _ in range(2):
+        bench.inject("status_clear", value=0x1000)
+        seen = [bench.scan() for _ in range(75)]
+        assert {each.state for each in seen[-20:]} == {DriveState.SWITCHED_ON}
+        assert not any(each.link & LinkFlag.IGNORES_COMMAND for each in seen)
+        bench.inject("status_clear", value=0)
+        assert bench.run(0.02).state is DriveState.OPERATION_ENABLED
+        bench.inject("status_clear", value=0x1000)
+        assert bench.run(0.02).link & LinkFlag.IGNORES_COMMAND
+        bench.inject("status_clear", value=0)
+        bench.run(0.6, DriveRequest.DISABLE)
+    bench.drive.close()
+
+
+def test_a_parameter_that_has_changed_wants_a_new_set_up() -> None:
+    bench = Bench().open()
+    assert not bench.drive.lost
+    bench.drive.parameter_watch.differs[0x6085, 0] = "6085:00"
+    assert bench.drive.lost
+    bench.drive.close()
+
+
+# --- mode and target ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_another_mode_is_noticed_although_an_answer_was_lost(lost: int) -> None:
+    """6061 is asked for every 0.1 s; a lost answer costs twice that, not the three seconds of another request."""
+    bench = Bench().open().enable()
+    bench.run(0.1)
+    if lost:
+        bench.ask("inject", fault="frame", can_id=0x582, kind="drop", count=lost)
+        bench.run(0.12)
+    bench.inject("mode_display", 8)
+    scans = next(k for k in range(1, 200) if bench.scan().link & LinkFlag.WRONG_MODE)
+    assert scans * SYNC_S <= 0.12 + 0.2 * lost
+    bench.drive.close()
+
+
+# --- the beginning ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tpdo", [1, 2])
+def test_a_drive_of_which_a_telegram_is_missing_is_not_opened(tpdo: int) -> None:
+    bench = Bench()
+    bench.ask("inject", fault="tpdo", tpdo=tpdo, kind="drop", count=1000)
+    with pytest.raises(DeviceError, match="does not answer SYNC"):
+        bench.open()
+
+
+@pytest.mark.parametrize(
+    ("word", "state"),
+    [(0x27, "operation enabled"), (0x07, "quick stop active"), (0x0F, "ramps down after a fault")],
+)
+def test_a_drive_with_torque_is_not_set_up(word: int, state: str) -> None:
+    bench = Bench()
+    bench.inject("status_value", word)
+    sent = spied(bench)
+    with pytest.raises(DeviceError, match=state):
+        bench.open()
+    # Nothing was written, and no state of the network changed: SDO uploads only.
+    assert {can_id for can_id, _ in sent} == {SDO}
+    assert all(data[0] >> 5 in (2, 3) for _, data in sent)
+
+
+def test_the_brake_at_60fe_is_closed_and_the_speed_0_before_the_drive_is_started() -> None:
+    bench = Bench(changes=(("brake.owner", "object_60FE"),))
+    bench.ask("write", index=0x60FF, value=4711)
+    sent = spied(bench)
+    bench.open()
+    started = sent.index((NMT, bytes.fromhex("01 02")))
+    for command in ("2B 40 60 00 00 00 00 00", "23 FF 60 00 00 00 00 00", "23 FE 60 01 01 00 00 00"):
+        assert (SDO, bytes.fromhex(command)) in sent[:started]
+    # 60FE:01 with bit 0 = 0 would release the brake.
+    brake = [data for can_id, data in sent if can_id == SDO and data[:4] == bytes.fromhex("23 FE 60 01")]
+    assert {data[4] for data in brake} == {1}
+    outputs = [data for can_id, data in sent if can_id == 0x302]
+    bench.scan(DriveRequest.DISABLE)
+    outputs = [data for can_id, data in sent if can_id == 0x302]
+    assert outputs == [bytes.fromhex("01 00 00 00")]
+    bench.drive.close()
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_look_at_a_standing_drive_has_the_angle_of_the_run(inverted: bool) -> None:
+    bench = Bench(angle_deg=30.0, changes=(("can.inverted", inverted),))
+    at_rest = ReadOnlyDrive(bench.link, bench.drive.settings).read().pos_act_counts
+    bench.open()
+    # The closed brake gives way by less than a thousandth of a turn.
+    assert bench.drive.read().pos_act_counts == pytest.approx(at_rest, abs=524)
+    bench.drive.close()
+
+
+# --- silence and the end ------------------------------------------------------------------------------------------
+
+
+def test_after_a_silence_the_speed_is_0_before_the_drive_is_started() -> None:
+    bench = Bench().open()
+    bench.run(0.05, DriveRequest.DISABLE)
+    sent = spied(bench)
+    bench.drive.resume()
+    speed, started = (SDO, bytes.fromhex("23 FF 60 00 00 00 00 00")), (NMT, bytes.fromhex("01 02"))
+    assert sent.index(speed) < sent.index(started)
+    bench.event("reset")
+    bench.virtual.advance(2_000_000)
+    with pytest.raises(DeviceError, match="has restarted"):
+        bench.drive.resume()
+
+
+def shaft_deg_s(bench: Bench) -> float:
+    return math.degrees(bench.virtual.plant.sim.state["vel_motor"]) / bench.ratio
+
+
+@pytest.mark.parametrize(
+    ("direction", "spoil"), [(-1.0, "nothing"), (1.0, "a missing telegram"), (-1.0, "a full queue")]
+)
+def test_the_bus_is_left_when_the_shaft_stands_and_the_brake_is_closed(direction: float, spoil: str) -> None:
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0) if direction > 0.0 else [bench.scan(ENABLE, -k / 500.0) for k in range(500)]
+    assert shaft_deg_s(bench) == pytest.approx(direction, abs=0.1)
+    if spoil == "a missing telegram":
+        bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=3)
+    if spoil == "a full queue":
+        bench.link.queue_full += 1
+    left: list[tuple[bool, float, str]] = []
+    take_off = bench.drive._take_the_watch_off
+
+    def leave() -> None:
+        left.append((bench.virtual.plant.brake_open, abs(shaft_deg_s(bench)), bench.virtual.axis.state.name))
+        take_off()
+
+    bench.drive._take_the_watch_off = leave  # type: ignore[method-assign]
+    bench.drive.close()
+    ((brake_open, speed_deg_s, state),) = left
+    assert (brake_open, state) == (False, "SWITCH_ON_DISABLED")
+    # 0.02 rad/s of the motor.
+    assert speed_deg_s <= 0.0011
+
+
+def test_a_drive_that_does_not_show_torque_off_keeps_its_watch() -> None:
+    """Its telegrams are lost, and the commands too: left alone it stops by its own deadline, and brakes."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    for can_id in (RPDO, 0x182, 0x282):
+        bench.ask("inject", fault="frame", can_id=can_id, kind="drop", count=100_000)
+    sent = spied(bench)
+    bench.drive.close()
+    assert bench.virtual.od.number(0x1016, 1) != 0
+    assert NMT not in {can_id for can_id, _ in sent}
+    bench.virtual.advance(2_000_000)
+    assert bench.virtual.axis.state.name in ("FAULT", "SWITCH_ON_DISABLED")
+    assert not bench.virtual.plant.brake_open
+    assert abs(shaft_deg_s(bench)) < 0.05
