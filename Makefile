@@ -14,11 +14,12 @@ COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here;
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site wasm soak
+.PHONY: help demo setup core test test-slow mutants coverage pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site wasm soak
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the site, the Python tests: what CI runs"
 	@echo "make soak       hours of the real service with two pages, OPC UA and a stepped clock: HOURS=24, LOG=soak.jsonl"
+	@echo "make mutants    bugs planted in the sources: which of them no test finds; coverage: branches that no test runs"
 	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  site  wasm  dist  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
@@ -57,6 +58,24 @@ test-slow: setup .venv/dist.stamp $(NODE_OPCUA) hmi/node_modules/.package-lock.j
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang
 	.venv/bin/python -m pytest -m slow --hypothesis-profile fresh
 	.venv/bin/python -m pytest tests/property tests/states --hypothesis-profile fresh --hypothesis-show-statistics
+
+# The power of the tests (docs/decisions/0028): which test runs which line, planted bugs, mutants, branches of the areas.
+MUTATION := PYTHONPATH=tools .venv/bin/python -m mutation
+MUTANTS ?= --severe
+build/mutation/coverage: setup
+	@# The longest first; a part is recorded again by its own command (CONTRIBUTING.md).
+	for part in unit/program unit/operation unit/drives unit/service unit/commissioning unit/gateway plant bus; do \
+	    $(MUTATION) record $$(echo $$part | tr / _) tests/$$part || exit 1; done
+	$(MUTATION) record others tests --ignore=tests/system $$(printf -- '--ignore=tests/%s ' unit/program unit/operation \
+	    unit/drives unit/service unit/commissioning unit/gateway plant bus)
+
+mutants: build/mutation/coverage
+	$(MUTATION) planted
+	$(MUTATION) run $(MUTANTS)
+	$(MUTATION) write $(MUTANTS)
+
+coverage: build/mutation/coverage
+	$(MUTATION) branches
 
 HOURS ?= 24
 LOG ?= soak.jsonl

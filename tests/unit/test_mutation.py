@@ -1,0 +1,105 @@
+"""The tool that changes the sources must find places to change, and tests that see it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def tool(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    from mutation import operators
+
+    yield operators
+    for name in [name for name in sys.modules if name.partition(".")[0] == "mutation"]:
+        del sys.modules[name]
+
+
+SOURCE = b'''"""A docstring with 5 < 6."""
+LIMIT: int = 3
+__all__ = ["law"]
+
+
+class Law:
+    def scan(self, speed, limit=2.0):
+        """Also 1 and 2."""
+        # the sign: speed < limit is not meant here
+        if not (abs(speed) < limit and self.ready):
+            raise ValueError(f"speed {speed} above {limit + 1}")
+        self.count = min(self.count + 1, LIMIT)
+        return -speed
+'''
+
+
+def changed_lines(tool: Any) -> list[str]:
+    before = SOURCE.decode().split("\n")
+    found = []
+    for change in tool.mutants("src/gantryctl/program/power/law.py", SOURCE):
+        after = change.applied(SOURCE).decode().split("\n")
+        assert len(after) == len(before)
+        (line,) = [new.strip() for old, new in zip(before, after, strict=True) if old != new]
+        found.append(line)
+    return found
+
+
+def test_the_mutants_of_a_small_law_are_these_and_no_others(tool: Any) -> None:
+    condition = "if not (abs(speed) < limit and self.ready):"
+    counted = "self.count = min(self.count + 1, LIMIT)"
+    assert sorted(changed_lines(tool)) == sorted(
+        [
+            "LIMIT: int = 4",
+            "def scan(self, speed, limit=3.0):",
+            condition.replace("not ", ""),
+            condition.replace("<", "<="),
+            condition.replace("<", ">"),
+            condition.replace("and", "or"),
+            condition.replace("abs(speed) < limit", "True"),
+            condition.replace("self.ready", "True"),
+            condition.replace("abs(speed)", "(speed)"),
+            "pass",  # the error
+            "pass",  # the count
+            counted.replace("min", "max"),
+            counted.replace("+", "-"),
+            counted.replace("1", "2"),
+            "return None",
+            "return (speed)",
+        ]
+    )
+
+
+def test_names_of_mutants_do_not_depend_on_the_lines_above(tool: Any) -> None:
+    file = "src/gantryctl/program/power/law.py"
+    names = [change.name for change in tool.mutants(file, SOURCE)]
+    moved = [change.name for change in tool.mutants(file, b'"""More."""\n\nX = "a"\n' + SOURCE)]
+    assert names == moved
+    assert len(set(names)) == len(names)
+    assert "program/power/law.py:Law.scan:compare:0" in names
+
+
+def test_every_planted_bug_still_fits_its_source_and_is_a_program(tool: Any) -> None:
+    from mutation import planted
+
+    found = 0
+    for path in sorted((ROOT / planted.FOLDER).glob("*.toml")):
+        for bug in [] if path.stem == "argued" else planted.read_bugs(path):
+            change = planted.change_of(bug, path.stem, ROOT)
+            text = change.applied((ROOT / change.file).read_bytes())
+            if change.file.endswith(".py"):
+                compile(text, bug["name"], "exec")
+            found += 1
+    assert found >= 58
+
+
+def test_a_planted_bug_whose_text_is_gone_is_told(tool: Any) -> None:
+    from mutation import planted
+
+    bug = {"name": "x", "file": "tools/check_house.py", "old": "no such text", "new": "", "severe": True}
+    with pytest.raises(planted.StaleBug, match="stands 0 times"):
+        planted.change_of(bug, "tools", ROOT)
