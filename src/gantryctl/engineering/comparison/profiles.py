@@ -70,7 +70,7 @@ def profiles_at_equal_base_motion(
         )
     ways += [
         _Way(f"{second.name}, {_ONE}", second, period_s),
-        _Way(f"{second.name}, ramps of two", second, 2.0 * period_s),
+        _Way(f"{second.name}, S-curve, ramps of two swing periods", second, 2.0 * period_s),
     ]
     found = _accelerations(ways, base_um)
     moves = _moves(ways, found)
