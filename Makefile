@@ -14,12 +14,14 @@ COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here;
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow mutants coverage pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site wasm soak
+.PHONY: help demo setup core test test-slow mutants coverage pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site wasm soak virtual-soak fuzz
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the site, the Python tests: what CI runs"
 	@echo "make soak       hours of the real service with two pages, OPC UA and a stepped clock: HOURS=24, LOG=soak.jsonl"
 	@echo "make mutants    bugs planted in the sources: which of them no test finds; coverage: branches that no test runs"
+	@echo "make virtual-soak  10,000 h of treatment days in virtual time: HOURS=10000, FOLDER=build/virtual_soak"
+	@echo "make fuzz       looks for inputs that break a reader of files or messages: MINUTES=10 of each, TARGETS=eds"
 	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  site  wasm  dist  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
@@ -82,6 +84,24 @@ LOG ?= soak.jsonl
 soak: setup
 	.venv/bin/python benchmarks/soak.py --hours $(HOURS) --log $(LOG)
 
+# Days of treatment in virtual time; it goes on where it ended.
+FOLDER ?= build/virtual_soak
+virtual-soak: HOURS = 10000
+virtual-soak: setup
+	.venv/bin/python benchmarks/virtual_soak.py --hours $(HOURS) --folder $(FOLDER)
+
+# Coverage-guided fuzzing, so many minutes at each door; TARGETS="eds sdo" for some. atheris has wheels for x86-64 Linux.
+MINUTES ?= 10
+TARGETS ?=
+.venv/fuzz.stamp: .venv/dev.stamp requirements/fuzz.txt
+	@echo "installing what fuzzes"
+	@$(PIP_INSTALL) --require-hashes --only-binary :all: -r requirements/fuzz.txt || { echo "no wheel of atheris for \
+	this Python: 3.11 to 3.13 on x86-64 Linux have one; the kept corpus runs in make pytest"; exit 1; }
+	@touch $@
+
+fuzz: setup .venv/fuzz.stamp
+	PYTHONPATH=tests .venv/bin/python -m support.coverage_fuzz --minutes $(MINUTES) $(TARGETS)
+
 lint: .venv/dev.stamp
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
@@ -126,6 +146,7 @@ lock:
 	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
 	$(LOCK) --group pyproject.toml:dev -c requirements/run.txt -c requirements/build.txt -o requirements/dev.txt
 	$(LOCK) --group pyproject.toml:dist -c requirements/run.txt -c requirements/build.txt -c requirements/dev.txt -o requirements/dist.txt
+	$(LOCK) --group pyproject.toml:fuzz -o requirements/fuzz.txt
 	$(LOCK) pyproject.toml --extra bench -c requirements/run.txt -c requirements/dev.txt -o requirements/bench.txt
 
 # npm and node come from a wheel of the test list. Packages are installed again only when their lock file changes.

@@ -81,7 +81,7 @@ def head_of(path: Path) -> tuple[tuple[str, ...], Metadata]:
     try:
         with pa.OSFile(str(path), "rb") as source, pa.ipc.open_stream(source) as stream:
             return tuple(stream.schema.names), json.loads(stream.schema.metadata[METADATA_KEY])
-    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as fault:
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, RecursionError) as fault:
         raise DeviceError(f"{path}: not a recording, or cut off at its head: {fault}") from fault
 
 

@@ -46,7 +46,8 @@ def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
         else:
             content = "is empty" if not magic else "is neither an Arrow stream nor a Parquet file"
             raise UsageError(f"{path}: not a recording: the file {content}")
-    except (pa.ArrowException, OSError) as fault:
+    # Names of columns that are no UTF-8 raise where they are first asked for.
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as fault:
         if isinstance(fault, OSError) and fault.errno:
             raise unreadable(path, fault) from fault
         raise UsageError(f"{path}: damaged or cut off, nothing in it can be read: {fault}") from fault
@@ -102,7 +103,7 @@ def check_schema(path: Path, schema: Any) -> Metadata:
         raise UsageError(f"{path}: not a recording of gantryctl: not a number: {', '.join(strange)}")
     try:
         metadata = json.loads(text)
-    except ValueError as fault:
+    except (ValueError, RecursionError) as fault:
         raise UsageError(f"{path}: its metadata cannot be read: {fault}") from fault
     if not isinstance(metadata, dict):
         raise UsageError(f"{path}: its metadata cannot be read: no JSON object")

@@ -26,6 +26,8 @@ _SUB: Final = re.compile(r"([0-9a-f]{4})sub([0-9a-f]{1,2})")
 _MAX_TYPE: Final = 0x1B
 _MAX_SUBS: Final = 254
 MAX_ENTRIES: Final = 20_000
+# Twenty bytes of CompactSubObj stand for up to 254 entries; the maps and lists that it is for have some hundred in all.
+MAX_COMPACT: Final = 4_000
 
 
 class Reader:
@@ -50,7 +52,7 @@ class Reader:
         self.node_id = node_id
         self.saw_values = False
         self._source = source
-        self._count = 0
+        self._count = self._compacted = 0
         self._sections, self._notes, self._own_node = sections, notes, own_node
         self._subs: dict[int, dict[int, Section]] = {}
         for name, section in sections.items():
@@ -68,6 +70,12 @@ class Reader:
             if subs:
                 self._note(section, "", f"object {index:04X} is a variable, yet it has sub-objects; ignored")
         elif compact:
+            self._compacted += min(compact, _MAX_SUBS)
+            if self._compacted > MAX_COMPACT:
+                raise EdsError(
+                    self._source, section.line,
+                    f"more than {MAX_COMPACT} entries by CompactSubObj are not read",
+                )  # fmt: skip
             entries = self._compact(index, section, min(compact, _MAX_SUBS))
         else:
             entries = {
@@ -128,7 +136,6 @@ class Reader:
     def _entry(self, index: int, sub: int, section: Section, parent: Section, kind: ObjectKind) -> Entry:
         place = f"{index:04X}:{sub:02X}"
         self._count += 1
-        # A few bytes of CompactSubObj stand for many entries.
         if self._count > MAX_ENTRIES:
             raise EdsError(self._source, section.line, f"more than {MAX_ENTRIES} entries are not read")
         data_type = self._data_type(index, sub, section, kind)

@@ -126,6 +126,8 @@ def parse_injection(data: Mapping[str, Any], name: str = "injection") -> Injecti
         return Injection.model_validate(dict(data))
     except ValidationError as wrong:
         first = wrong.errors(include_context=False)[0]
+    except UnicodeEncodeError:  # half of a pair of JSON, "\\ud800", in a value that a message would repeat
+        raise UsageError(f"{name}: has a text that UTF-8 cannot hold") from None
     # Not inside: the context of a raised error keeps its frames (machine/loading.py).
     place = ".".join(str(part) for part in (name, *first["loc"]))
     raise UsageError(f"{place}: {first['msg'].removeprefix('Value error, ')}")

@@ -470,7 +470,10 @@ def to_record(identity: Identity, message: Mapping[str, Any]) -> bytes:
 
 def from_record(record: bytes) -> tuple[Identity, dict[str, Any]]:
     """Read sender and message of a record; ValueError for anything else."""
-    client, user, role, place, person, message = json.loads(record)
+    try:
+        client, user, role, place, person, message = json.loads(record)
+    except (TypeError, RecursionError) as fault:
+        raise ValueError("no record of a message") from fault
     if not isinstance(message, dict):
         raise ValueError("no message in the record")
     return Identity(str(client), str(user), Role(role), str(place), str(person)), message

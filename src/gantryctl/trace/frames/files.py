@@ -24,6 +24,8 @@ SUFFIXES: Final = (".log", ".asc", ".blf", ".trc", ".csv")
 """candump, Vector ASC and BLF, PEAK, and the table of python-can."""
 _COMPRESSED: Final = ".gz"
 _CONTAINER: Final = 16 * 1024
+# Characters of a line: a frame has some hundred. A compressed log of one line could fill the memory.
+_LINE_MAX: Final = 4096
 # What python-can and the modules below it raise for files and disks that are not as they should be.
 _TROUBLE: Final = (
     OSError,
@@ -160,6 +162,7 @@ def read_frames(path: Path) -> Iterator[BusFrame]:
             damage were given.
     """
     import can
+    from can.io.blf import BLFParseError  # no CanError
 
     if not path.is_file():
         raise UsageError(f"{path}: there is no such file")
@@ -176,7 +179,7 @@ def read_frames(path: Path) -> Iterator[BusFrame]:
                     yield BusFrame(
                         message.timestamp, message.arbitration_id, bytes(message.data), not message.is_rx
                     )
-    except (can.CanError, *_TROUBLE) as fault:
+    except (can.CanError, BLFParseError, *_TROUBLE) as fault:
         text = str(fault) or type(fault).__name__
         raise UsageError(f"{path}: no whole log, damaged after {count} frames: {text}") from fault
     if not count:
@@ -201,7 +204,33 @@ def _reader(suffix: str, file: Any) -> Iterator[can.Message]:
         ".trc": can.TRCReader,
         ".csv": can.CSVReader,
     }
-    return iter(readers[suffix](file))
+    return iter(readers[suffix](file if suffix == ".blf" else _Lines(file)))
+
+
+class _Lines:
+    """Lines of a text file, none longer than a log can have; what readers of python-can ask of a file.
+
+    Raises:
+        ValueError: a line is longer.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        line: str = self._file.readline(_LINE_MAX + 1)
+        if not line:
+            raise StopIteration
+        if len(line) > _LINE_MAX:
+            raise ValueError(f"a line of more than {_LINE_MAX} characters")
+        return line
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
 
 # --- alarms beside a frozen log ----------------------------------------------------------------------------------

@@ -148,8 +148,15 @@ def test_too_many_objects_and_entries_end_in_an_error_with_a_line() -> None:
     compact = b"".join(
         b"[%04X]\nObjectType=8\nCompactSubObj=254\n" % index for index in range(0x2000, 0x2060)
     )
-    with pytest.raises(EdsError, match="more than 20000 entries"):
+    with pytest.raises(EdsError, match="more than 4000 entries by CompactSubObj") as caught:
         parse_eds(compact)
+    # 15 objects of 254 entries are 3810: the sixteenth is too many.
+    assert caught.value.line == 46
+    subs = b"".join(
+        b"[%04Xsub%X]\n" % (index, sub) for index in range(0x2000, 0x2050) for sub in range(1, 255)
+    )
+    with pytest.raises(EdsError, match="more than 20000 entries"):
+        parse_eds(OBJECT + subs)
 
 
 def test_utf_16_is_read() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -17,6 +18,7 @@ from gantryctl.service.recorder.journal.places import FILE
 from gantryctl.service.recorder.journal.proof import Rows, reading
 
 _RIGHTS: Final = 0o640
+_WHOLE: Final = frozenset({"boot", "source", "number", "monotonic_ns"})
 
 
 class Entry(NamedTuple):
@@ -55,7 +57,7 @@ def read_journal(
     """Read rows by number; with a kind, those of it only.
 
     Raises:
-        UsageError: there is no journal. DeviceError: it cannot be read.
+        UsageError: there is no journal. DeviceError: it cannot be read, or what stands in it is no event.
     """
     order = "DESC" if newest else "ASC"
     query = f"{SELECT} WHERE seq > ? AND (kind = ? OR ? = '') ORDER BY seq {order} LIMIT ?"
@@ -153,4 +155,10 @@ def _from(rows: Rows, first: int) -> Iterator[tuple[Any, ...]]:
 
 
 def _entry(row: tuple[Any, ...]) -> Entry:
-    return Entry(row[0], dict(zip(FIELDS, row[1:-2], strict=True)), row[-2])
+    values = dict(zip(FIELDS, row[1:-2], strict=True))
+    # A damaged bit may turn a text into a blob, strict tables or not; whoever reads events relies on these types.
+    right = all(isinstance(values[name], int if name in _WHOLE else str) for name in FIELDS)
+    with suppress(ValueError, TypeError, RecursionError):
+        if right and isinstance(json.loads(values["detail"]), dict):
+            return Entry(row[0], values, row[-2])
+    raise Damaged(f"{FILE}: what stands at number {row[0]} is no event")

@@ -1,0 +1,103 @@
+"""Judges the log of a virtual soak: stops, warnings, drift, memory, journal. Pure functions of what the log says."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, Final
+
+from support.soak.verdict import Finding, slope_of
+from support.virtual_soak.desk import POLICY
+
+SLOPE_MAX_MB: Final = 1.0
+"""Of memory, in 1,000 h of machine time."""
+WARM_UP_H: Final = 24.0
+"""Caches and pools fill: the first day is not judged."""
+_SAMPLES_LEAST: Final = 24
+DRIFT_MAX_COUNTS: Final = 0.5
+"""Half a count of the absolute encoder: rounded, none. Errors within a signal period and a turn are below 0.2."""
+# The database keeps the room of what was taken out, and the newest thousand events; its log is settled every second.
+_JOURNAL_MAX_MB: Final = 2.5 * POLICY.journal_mb
+
+
+def judge(lines: Sequence[dict[str, Any]]) -> list[Finding]:
+    """Findings of a log, the head line first."""
+    days = [line for line in lines if line["kind"] == "day"]
+    if not days:
+        return [Finding("days", None, "none yet")]
+    return [
+        _none("nuisance stops", Counter(), [line["stops"] for line in days]),
+        _none("warnings", Counter(), [line["warnings"] for line in days]),
+        _troubles(days),
+        _drift(days),
+        _memory(days),
+        _journal(days),
+    ]
+
+
+def _none(what: str, total: Counter[str], each: Sequence[dict[str, int]]) -> Finding:
+    for found in each:
+        total.update(found)
+    told = ", ".join(f"{code} x{number}" for code, number in sorted(total.items()))
+    return Finding(what, not total, told or "none")
+
+
+def _troubles(days: Sequence[dict[str, Any]]) -> Finding:
+    found = [f"day {line['day']}: {text}" for line in days for text in line["troubles"]]
+    found += [f"day {line['day']}: stuck: {line['stuck']}" for line in days if line["stuck"]]
+    return Finding("refusals, targets missed, days broken off", not found, "; ".join(found[:5]) or "none")
+
+
+def _drift(days: Sequence[dict[str, Any]]) -> Finding:
+    worst = max((line["drift_counts"] for line in days), key=abs)
+    return Finding(
+        "drift of the encoder", round(worst) == 0, f"{worst:+.3f} counts at most, below {DRIFT_MAX_COUNTS}"
+    )
+
+
+def _memory(days: Sequence[dict[str, Any]]) -> Finding:
+    samples = [(hour, mb) for line in days for hour, mb in line["memory"] if hour > WARM_UP_H]
+    if len(samples) < _SAMPLES_LEAST:
+        return Finding("memory", None, f"{len(samples)} samples after the first {WARM_UP_H:g} h")
+    slope = slope_of([hour * 3600.0 for hour, _ in samples], [mb for _, mb in samples])
+    value, low, high = (1e3 * part for part in slope)
+    words = f"{value:+.3f} MB in 1,000 h, 95 % between {low:+.3f} and {high:+.3f}"
+    # Too short a soak cannot tell a slope from the steps of an allocator: its interval is wide.
+    passed = True if high < SLOPE_MAX_MB else False if low > SLOPE_MAX_MB else None
+    return Finding("memory", passed, words)
+
+
+def _journal(days: Sequence[dict[str, Any]]) -> Finding:
+    most = max(line["journal_mb"] for line in days)
+    return Finding(
+        "journal", most < _JOURNAL_MAX_MB,
+        f"{most:.2f} MB at most, retention {POLICY.journal_mb} MB and {POLICY.journal_days} days",
+    )  # fmt: skip
+
+
+def words(lines: Sequence[dict[str, Any]]) -> str:
+    """What was run, in figures, and the findings."""
+    days = [line for line in lines if line["kind"] == "day"]
+    total = {
+        name: sum(line[name] for line in days)
+        for name in (
+            "moves", "jogs", "increments", "operator_stops", "power_ups", "starts", "brake_tests", "events", "cpu_s",
+        )
+    }  # fmt: skip
+    on_h = sum(line["on_s"] for line in days) / 3600.0
+    machine_h = days[-1]["machine_h"] if days else 0.0
+    following = max((line["worst_following_deg"] for line in days), default=0.0)
+    angle = max((line["worst_angle_deg"] for line in days), default=0.0)
+    told = [
+        f"{machine_h:.0f} h of machine time in {len(days)} days: {on_h:.1f} h computed scan by scan, "
+        f"{machine_h - on_h:.1f} h switched off",
+        f"{total['moves']} moves, {total['jogs']} jogs, {total['increments']} increments, "
+        f"{total['operator_stops']} stopped on the way, {total['power_ups']} power-ups, {total['starts']} starts of "
+        f"the controller, {total['brake_tests']} brake tests, {total['events']} events",
+        f"largest following error {following:.4f} deg, largest angle error of the load after a move {angle:.4f} deg",
+        f"{total['cpu_s'] / 3600.0:.2f} h of processor time: "
+        f"{on_h * 3600.0 / max(1e-9, total['cpu_s']):.0f} times real time",
+    ]
+    mark = {True: "holds", False: "FAILS", None: "too early"}
+    told += [f"{mark[each.passed]}: {each.what}: {each.why}" for each in judge(lines)]
+    return "\n".join(told)
