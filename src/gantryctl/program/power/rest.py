@@ -29,9 +29,8 @@ class RestWatch:
         self._scans = 0
 
     def scan(self) -> bool:
-        """Take one scan; whether the axis has been slow for long enough to be at rest."""
-        slow = self._feedback.slow and self._feedback.speed_known
-        self._scans = self._feedback.lasting(self._scans) if slow else 0
+        """Take one scan, with a speed that is known; whether the axis has been slow for long enough to be at rest."""
+        self._scans = self._feedback.lasting(self._scans) if self._feedback.slow else 0
         return self._scans >= self._rest_scans
 
     @property
