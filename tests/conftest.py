@@ -11,9 +11,9 @@ import pytest
 from hypothesis import settings
 from hypothesis.database import DirectoryBasedExampleDatabase
 
+from gantryctl.engineering.faults.oracle.taps import Oracle, tapped, watching
 from gantryctl.operation.store import STATE_VARIABLE
 from gantryctl.service.recorder.journal.places import KEYS_VARIABLE
-from support.oracle.taps import Oracle, tapped, watching
 
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
 # Other examples in every run; what fails is kept in a directory, tried first in the next run, and printed with the

@@ -11,13 +11,13 @@ from bus.bus_rig import CHECK_M, NOMINAL_M, QUICK_STOP_DEG, TORQUE_OFF_DEG, BusR
 from bus.io_machines import IO, ON_DRIVE, io_machine
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.axis.cia402 import State
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.errors import DeviceError
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.machine.rules.reaction import silent_angle_deg
 from gantryctl.program import PowerPhase
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_bus
-from support.oracle.taps import Oracle
 
 pytestmark = pytest.mark.can
 

@@ -11,6 +11,8 @@ from gantryctl._core import PlantParams
 from gantryctl.engineering.faults.case import ReactionClass
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.engineering.faults.limits import computed_deg, limit_deg
+from gantryctl.engineering.faults.oracle.limits import bounds_of
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.run import conditions_of, run_fault
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
@@ -18,8 +20,6 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.wiring import program, simulator
 from support.delivered_axes import CONFIGS, DRAFTS, axis_of
 from support.fault_rows import seen_by
-from support.oracle.limits import bounds_of
-from support.oracle.taps import Oracle
 
 
 def against(machine: Machine, number: str, oracle: Oracle) -> list[str]:

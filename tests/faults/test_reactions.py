@@ -15,9 +15,9 @@ import pytest
 from gantryctl.engineering.faults.bench import BrakeOwner
 from gantryctl.engineering.faults.case import FaultCase
 from gantryctl.engineering.faults.catalogue import CATALOGUE
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.run import DriveKind, run_fault
 from support.fault_rows import seen_by
-from support.oracle.taps import Oracle
 
 ANGLE_DEG = 90.0
 """Where the eccentric moment is largest: it helps or hinders a stop most."""

@@ -15,6 +15,8 @@ import pytest
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
 from gantryctl.engineering.faults.catalogue import fault_case
 from gantryctl.engineering.faults.injection import injection
+from gantryctl.engineering.faults.oracle.limits import bounds_of
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.run import run_fault
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, default_machine, with_values
@@ -25,8 +27,6 @@ from gantryctl.wiring.simulator import plant_params
 from plant.plant_rig import PlantRig
 from support.delivered_axes import CONFIGS, DRAFTS, axis_of
 from support.fault_rows import seen_by
-from support.oracle.limits import bounds_of
-from support.oracle.taps import Oracle
 
 SCANS_MS = (1.0, 2.0, 4.0, 10.0)
 STRONG = ("draft of gantry", "draft of crane_slew")

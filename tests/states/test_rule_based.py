@@ -1,7 +1,7 @@
 """Operator, drive and faults together on the plant, in any order: rules for what may happen, an oracle for the rest.
 
-The oracle (`support.oracle`) looks at the true plant every millisecond and at every command on the wire, and holds
-INV-1 to INV-7 for every sequence that the rules make.
+The oracle (`gantryctl.engineering.faults.oracle`) looks at the true plant every millisecond and at every command on the
+wire, and holds INV-1 to INV-7 for every sequence that the rules make.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from gantryctl.drives.simulated import SimDrive
+from gantryctl.engineering.faults.oracle.taps import Oracle, watching
 from gantryctl.image import EncoderFlag, Mode, OperatorCommand
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import AxisState, GantryProgram
@@ -22,7 +23,6 @@ from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.simulator import sim_drive
-from support.oracle.taps import Oracle, watching
 
 # One standing fault at a time, each with a value that is not sound.
 FAULTS: Final[tuple[tuple[str, Any], ...]] = (

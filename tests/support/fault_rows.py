@@ -3,21 +3,8 @@
 from __future__ import annotations
 
 from gantryctl.engineering.faults.case import FaultCase
-from support.oracle.taps import Oracle
-
-EXCUSED = {
-    # Whether an encoder that shows nothing is alive is tried by a command that grows; the true way is the row's.
-    "A3b": ("INV-2",),
-    "A3c": ("INV-2",),
-    "A20": (
-        "INV-2",
-    ),  # a brake that does not hold and an encoder in doubt: nothing is left that could hold the load
-    "C6": ("INV-7",),  # the contact is what lies about the brake
-    "E5": (
-        "INV-3",
-    ),  # a telegram carries no time: two in the wrong order are a step of the reading for one scan
-}
-"""What the oracle cannot know of a row."""
+from gantryctl.engineering.faults.oracle.excused import EXCUSED
+from gantryctl.engineering.faults.oracle.taps import Oracle
 
 
 def seen_by(oracle: Oracle, case: FaultCase) -> list[str]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from gantryctl.engineering.comparison.ensemble import random_plant
+from gantryctl.engineering.faults.oracle.taps import Oracle, tapped, watching
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
@@ -21,7 +22,6 @@ from gantryctl.program.alarms.codes import Code, Severity
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine, drive_of
-from support.oracle.taps import Oracle, tapped, watching
 
 SCANS_MS: Final = (1.0, 4.0, 10.0)
 DRIVES: Final = ("sim", "drive", "object_60FE")

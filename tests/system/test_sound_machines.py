@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import gantryctl
-from support.oracle.taps import Oracle
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from support.sound_machines import run_sequence
 
 pytestmark = pytest.mark.can

@@ -8,6 +8,9 @@ from dataclasses import replace
 
 import pytest
 
+from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.limits import StopClass
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.image import DriveFeedback, DriveRequest, Mode, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.log import AlarmLog
@@ -19,9 +22,6 @@ from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import rad
 from gantryctl.wiring.engine import build_engine, drive_of
 from support.modulo_machine import modulo_machine
-from support.oracle import limits
-from support.oracle.limits import StopClass
-from support.oracle.taps import Oracle
 
 RATIO = default_machine().axis.ratio
 

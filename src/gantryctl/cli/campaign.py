@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import directory, json_option, number_option, print_json, stop_signals, write_text
+from gantryctl.cli.options import directory, json_option, number_option, print_json, write_text
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import INPUT, PATH, Whole
+from gantryctl.cli.workers import ended_in_order, pool_of, say
 from gantryctl.extras import need
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from gantryctl.engineering.campaign.statistics import Population
     from gantryctl.engineering.report.head import Made
-    from gantryctl.engineering.scheduler.job import Job
-    from gantryctl.engineering.scheduler.pools import Pool
 
 _RESULTS = click.argument("results", type=PATH, nargs=-1, required=True)
 _BY = click.option("--by", "by", help="Split by the values of a key, such as plant.gear_error.scale.")
@@ -58,24 +53,12 @@ def run(
     need("scipy", *(["distributed"] if cluster else []))
     order = load_campaign(file)
     folder = out or Path(f"{order.name}.result")
-    pool_of = _pool_of(threads, workers, cluster)
+    pool = pool_of(threads, workers, cluster)
     tried, refused = survey(order)
     for name, count in refused.most_common():
-        _say(f"of the first {tried} plants the checks of the machine refuse {count}: {name}")
-    interrupts = 0
-
-    def interrupted() -> None:
-        nonlocal interrupts
-        interrupts += 1
-        if interrupts > 1:
-            # Every file is whole at every moment: nothing is left to be tidied up.
-            os._exit(130)
-        _say("ending; the chunks under way are finished first, a second Ctrl-C ends at once")
-
-    with stop_signals(interrupted):
-        end = run_campaign(
-            order, folder, pool_of, say=_say, now_s=time.monotonic, stopped=lambda: interrupts > 0
-        )
+        say(f"of the first {tried} plants the checks of the machine refuse {count}: {name}")
+    with ended_in_order() as stopped:
+        end = run_campaign(order, folder, pool, say=say, now_s=time.monotonic, stopped=stopped)
     if as_json:
         print_json(
             {**end._asdict(), "complete": end.complete, "refused_first": dict(refused), "result": str(folder)}
@@ -170,20 +153,6 @@ def plan(file: Path, plants: int, cores: int, price: float, measure: float, as_j
     click.echo(f"tasks         {found.chunks}, {100.0 * found.overhead:.2f} % of the time")
 
 
-def _pool_of(threads: int | None, workers: int | None, cluster: str | None) -> Callable[[Job], Pool]:
-    from gantryctl.engineering.scheduler.cluster import ClusterPool
-    from gantryctl.engineering.scheduler.pools import ProcessPool, ThreadPool
-    from gantryctl.errors import UsageError
-
-    if sum(each is not None for each in (threads, workers, cluster)) > 1:
-        raise UsageError("--threads, --workers and --cluster: give one of them")
-    if cluster is not None:
-        return lambda job: ClusterPool(job, cluster, _say)
-    if workers is not None:
-        return lambda job: ProcessPool(job, workers)
-    return lambda job: ThreadPool(job, threads)
-
-
 def _populations(paths: tuple[Path, ...], by: str | None) -> list[tuple[str, Population]]:
     """Results with their names, or the parts of one."""
     from gantryctl.engineering.campaign.result import ResultFolder
@@ -195,9 +164,3 @@ def _populations(paths: tuple[Path, ...], by: str | None) -> list[tuple[str, Pop
     if len(paths) > 1:
         raise UsageError("--by: splits one result; give one, or leave --by out")
     return parts_of(ResultFolder(paths[0]), by)
-
-
-def _say(line: str) -> None:
-    # Standard output is for the result.
-    click.echo(line, err=True)
-    sys.stderr.flush()

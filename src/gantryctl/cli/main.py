@@ -98,9 +98,7 @@ GROUPS: Final = {
             "campaign",
             "Figures of many plants: run, show, plot, compare, on one computer or a cluster.",
         ),
-        "faults": Entry(
-            "engineering.faults", "faults", "Faults on a simulated axis: list, show, run with a picture."
-        ),
+        "faults": Entry("faults.faults", "faults", "Faults on a simulated axis: list, show, run, campaigns."),
     },
     "Drives on a bus": {
         "can": Entry("drive.can", "can", "The CAN bus: who is on it, what was said on it."),

@@ -27,6 +27,17 @@ _CALM_S: Final = 0.6
 _CALM_RAD_S: Final = 1e-5
 
 
+def state_for(state: dict[str, float], brake_presliding_rad: float) -> dict[str, float]:
+    """State of a plant for one with another brake.
+
+    The pads of a closed brake stretch by their pre-sliding way and then slip (plant equations, S3). Where the brake has
+    no torque nothing slips, and the way of the shaft adds up: as a spring of the brake that has its torque again it
+    would be a torque of many brakes.
+    """
+    way = brake_presliding_rad
+    return {**state, "brake_z": max(-way, min(way, state["brake_z"]))}
+
+
 class SimulatedPlant(Truth, Protocol):
     """Simulated gantry behind a virtual drive on a bus."""
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from gantryctl import _core
 from gantryctl._core import new_image
-from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, next_state, settle
+from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, next_state, settle, state_for
 from gantryctl.drives.faults import Faults
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.image import (
@@ -303,6 +303,6 @@ class SimDrive(BaseDrive):
         plant.brake_torque_nm *= grip
         state = self.sim.state
         self.sim = self._maker.make(plant, drive)
-        self.sim.state = state
+        self.sim.state = state_for(state, plant.brake_presliding_rad)
         self.sim.sample_every(self._sample_cycles)
         self._feedback, self._scan = self.sim.feedback, self.sim.scan

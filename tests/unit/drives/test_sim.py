@@ -9,9 +9,10 @@ import pytest
 
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, EncoderFlag, OutputImage
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.ports import Truth
 from gantryctl.wiring.simulator import drive_around, sim_drive
+from gantryctl.wiring.virtual import virtual_bus
 
 RANGE = 4096 * 2048 * 2048
 
@@ -132,3 +133,30 @@ def test_a_drive_can_be_put_around_any_plant(machine: Machine) -> None:
 def test_another_serial_is_another_encoder() -> None:
     machine = with_values(default_machine(), {"plant.encoder.serial": "OTHER-7"})
     assert sim_drive(machine).identity().encoder_serial == "OTHER-7"
+
+
+@pytest.mark.parametrize("kind", ["process", "bus"])
+def test_a_brake_that_has_its_torque_again_only_brakes(machine: Machine, kind: str) -> None:
+    """Its pads do not stretch by the way that the shaft has turned without it: 4 s from 90 deg, 0.5 deg/s and more.
+
+    Seeds 198, 300 and 303 of the first fault campaign: 11 deg/s, and not a number.
+    """
+    drive = sim_drive(machine, 90.0)
+    faults, write = drive.faults, lambda: drive.write(OutputImage())
+    if kind == "bus":
+        _, node, _ = virtual_bus(load_machine(configs_folder() / "hust_can.toml"), 90.0)
+        drive, faults, write = node, node.faults, lambda: node.advance(1000)
+    faults.brake_torque_share = 0.0
+    for _ in range(4000):
+        write()
+    free = abs(drive.truth()[3])
+    faults.brake_torque_share = 1.0
+    fastest = 0.0
+    for _ in range(1500):
+        write()
+        fastest = max(fastest, abs(drive.truth()[3]))
+        assert math.isfinite(fastest)
+    assert free > math.radians(0.1) * machine.axis.ratio
+    # The load swings on the shaft that has been stopped, by less than the speed that there was.
+    assert fastest <= 1.05 * free
+    assert abs(drive.truth()[3]) < 0.1 * free

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -12,7 +12,7 @@ from gantryctl.engineering.campaign.job import CampaignJob
 from gantryctl.engineering.campaign.population import Campaign
 from gantryctl.engineering.campaign.result import ResultFolder
 from gantryctl.engineering.report.meter import Meter
-from gantryctl.engineering.scheduler.job import Job
+from gantryctl.engineering.scheduler.job import Chunk, Job, Rows
 from gantryctl.engineering.scheduler.pools import Pool
 from gantryctl.engineering.scheduler.schedule import run_job
 from gantryctl.files import remove_drafts
@@ -78,17 +78,44 @@ def run_campaign(
         rows, left = head.design.rows, sum(chunk.size for chunk in missing)
         if left < rows:
             say(f"{rows - left} of {rows} rows are there")
-        computed = files = 0
+        computed = 0
         if left:
             meter = Meter(say, left, now_s)
             job = CampaignJob(campaign)
             with closing(pool_of(job)) as pool:
-                for chunk, found in run_job(missing, pool, job.pack, stopped):
-                    result.write(head, chunk, found)
-                    computed += chunk.size
-                    files += 1
-                    if files % MERGED_FILES == 0:
-                        result.merge(head)
-                    meter.advance(chunk.size)
+                computed = keep_missing(
+                    missing,
+                    pool,
+                    job.pack,
+                    lambda chunk, found: result.write(head, chunk, found),
+                    lambda: result.merge(head),
+                    meter,
+                    stopped,
+                )
         result.merge(head)
         return RunEnd(rows, rows - left + computed, computed)
+
+
+def keep_missing(
+    missing: Sequence[Chunk],
+    pool: Pool,
+    pack: int,
+    keep: Callable[[Chunk, Rows], None],
+    merge: Callable[[], None],
+    meter: Meter,
+    stopped: Callable[[], bool],
+) -> int:
+    """Have ranges of rows computed and kept, chunk by chunk; how many were computed.
+
+    Args:
+        keep: writes the rows of a chunk, whole. merge: makes few files of many, called after many chunks.
+        stopped: asked between chunks; what is under way then is still kept.
+    """
+    computed = 0
+    for files, (chunk, found) in enumerate(run_job(missing, pool, pack, stopped), start=1):
+        keep(chunk, found)
+        computed += chunk.size
+        if files % MERGED_FILES == 0:
+            merge()
+        meter.advance(chunk.size)
+    return computed

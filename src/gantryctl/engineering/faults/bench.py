@@ -135,6 +135,8 @@ class FaultBench:
         self._recording = False
         self._pending: list[Injection] = []
         self._ends: list[tuple[float, Callable[[], None]]] = []
+        self.injected: Callable[[Injection], None] = lambda injection: None
+        """Told of each injection just before it acts."""
         self.onset_s: float | None = None
         """Time of the first injection."""
         self.enables = 0
@@ -283,6 +285,7 @@ class FaultBench:
             for each in due:
                 if self.onset_s is None:
                     self.onset_s = self.time_s
+                self.injected(each)
                 end = each.row.act(self.target, **each.values)
                 if each.for_s is not None and end is not None:
                     self._ends.append((self.time_s + each.for_s, end))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.faults.run import FaultResult
+from gantryctl.engineering.faults.bench import FaultLog
+from gantryctl.engineering.faults.run import FaultResult, Moment
 from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.trace.figure import legend_above
@@ -30,7 +31,20 @@ _BEFORE_S: Final = 0.2
 _AFTER_S: Final = 1.0
 
 
-def draw_fault(result: FaultResult, title: str, path: Path) -> None:
+class Watched(NamedTuple):
+    """A run with more than one fault, or none of the catalogue: its rows, when the first fault began, its alarms.
+
+    Attributes:
+        rest_s: from the first fault until the motor stands; infinite where all of the rows are shown.
+    """
+
+    log: FaultLog
+    onset_s: float
+    rest_s: float
+    moments: tuple[Moment, ...]
+
+
+def draw_fault(result: FaultResult | Watched, title: str, path: Path) -> None:
     """Write the picture as PNG or SVG, as the name ends; time is counted from the fault.
 
     Raises:
@@ -104,7 +118,7 @@ def _lines(axes: Axes, time_s: Any, label: str, *, true: Any, load: Any, told: A
     legend_above(axes)
 
 
-def _names(axes: Axes, result: FaultResult, end_s: float) -> None:
+def _names(axes: Axes, result: FaultResult | Watched, end_s: float) -> None:
     """Codes at their moments, above the diagram, one below the other where they come together."""
     last_s, row = -1.0, 0
     for moment in result.moments:

@@ -8,6 +8,7 @@ from enum import IntEnum
 from typing import Final
 
 from gantryctl import _core
+from gantryctl.drives.base import state_for
 from gantryctl.drives.faults import Faults
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.axis.hardware import Hardware
@@ -166,7 +167,7 @@ class DrivePlant:
     def _remake(self) -> None:
         state = self.sim.state
         self.sim = self._make()
-        self.sim.state = state
+        self.sim.state = state_for(state, self.plant_params.brake_presliding_rad)
         self._stale = False
 
     def _read(self) -> None:

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from support.oracle.limits import StopClass
-from support.oracle.words import Instant
-
-if TYPE_CHECKING:
-    from support.oracle.axis_oracle import AxisOracle
+from gantryctl.engineering.faults.oracle.limits import StopClass
+from gantryctl.engineering.faults.oracle.words import Instant, TrueAxis
 
 
 class Silence:
@@ -22,7 +17,7 @@ class Silence:
         self._last = last
         self._rest_angle: float | None = None
 
-    def sample(self, true: AxisOracle) -> None:
+    def sample(self, true: TrueAxis) -> None:
         """Judge one millisecond."""
         last, passed_s = self._last, (true.ms - self._last.ms) * 1e-3
         speed = true.deg(true.speed)

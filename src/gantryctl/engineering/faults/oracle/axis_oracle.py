@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
+from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.limits import REFERENCE, Bounds, StopClass
+from gantryctl.engineering.faults.oracle.silence import Silence
+from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm
-from support.oracle import limits
-from support.oracle.limits import REFERENCE, Bounds, StopClass
-from support.oracle.silence import Silence
-from support.oracle.words import Instant, Stop, judge_words
 
 _ENABLE: Final = DriveRequest.ENABLE
 _QUICK_STOP: Final = DriveRequest.QUICK_STOP
@@ -118,6 +118,7 @@ class AxisOracle:
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._disobeys = self._brake_fault = self._creeps = False
+        self._key_counts = True
         self._late_s = self.brake_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
@@ -291,7 +292,7 @@ class AxisOracle:
 
     def _comes_to_rest(self, dec_rad_s2: float) -> float:
         """ms until a stop on a ramp has ended."""
-        ratio = self._axis.settings.law.ratio
+        ratio: float = self._axis.settings.law.ratio
         return 1e3 * abs(self._vel) / (dec_rad_s2 * ratio) + _COMES_TO_REST_MS
 
     def _levels(self, op: OperatorCommand) -> None:
@@ -310,12 +311,17 @@ class AxisOracle:
         # An increment and a move go on without a lease until they have arrived.
         if op.move and not last.move:
             self._origin_ms, self._target, self._at_target_ms = math.inf, op.target_rad * self._ratio, now
+            # It takes over from a key, which then ends nothing when it is let go.
+            self._key_counts = False
         elif pressed:
-            self._origin_ms, self._target = math.inf, None
+            # A key is refused while the axis moves, and the move goes on, also when the key is let go.
+            self._key_counts = -self._settled < self._vel < self._settled
+            if self._key_counts:
+                self._origin_ms, self._target = math.inf, None
         if stopping:
             self._origin_ms = now + self._comes_to_rest(min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2))
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
-        if released and op.mode.value == 1:
+        if released and op.mode.value == 1 and self._key_counts:
             self._origin_ms = now + self._comes_to_rest(ramps.jog_release_dec_rad_s2)
 
     def _requested(self, request: DriveRequest) -> None:

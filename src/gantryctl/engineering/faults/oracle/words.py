@@ -4,19 +4,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
+from gantryctl.engineering.faults.oracle.limits import Bounds, StopClass
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.alarms.words import Said, Words
-from support.oracle.limits import StopClass
-
-if TYPE_CHECKING:
-    from support.oracle.axis_oracle import AxisOracle
 
 # ms besides the scans: a contact, or a closing time that stands for one, may be told later than the brake acts.
 _EARLY_MS: Final = 3.0
 _LATE_MS: Final = 60.0
 _SCANS: Final = 3.0
+
+
+class TrueAxis(Protocol):
+    """What judges need of the axis that the oracle watches (`axis_oracle.AxisOracle`)."""
+
+    bounds: Bounds
+    ms: int
+    angle: float
+    speed: float
+    offset: float
+
+    def deg(self, motor_rad: float) -> float:
+        """An angle or a speed of the motor at the gantry, deg or deg/s."""
+        ...
+
+    def scans_ms(self, scans: float) -> float:
+        """Time of so many scans."""
+        ...
+
+    def say(self, invariant: str, text: str) -> None:
+        """Report the first violation of an invariant."""
+        ...
 
 
 class Instant(NamedTuple):
@@ -63,7 +82,7 @@ class Stop:
         self.closed_ms = ms - self.told.ms if self.closed_ms is None else self.closed_ms
 
 
-def judge_words(alarm: Alarm, stop: Stop, true: AxisOracle) -> Iterator[str]:
+def judge_words(alarm: Alarm, stop: Stop, true: TrueAxis) -> Iterator[str]:
     """What the words of a finished stop say that is not so."""
     for step in alarm.steps:
         words = step.words if isinstance(step, Said) else step
@@ -72,13 +91,13 @@ def judge_words(alarm: Alarm, stop: Stop, true: AxisOracle) -> Iterator[str]:
             yield from judge(dict(step.values) if isinstance(step, Said) else {}, stop, true)
 
 
-def _nothing_on(_: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+def _nothing_on(_: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
     told = stop.told
     if told.energised or told.brake_open or abs(true.deg(told.speed)) > true.bounds.rest_deg_s:
         yield f"nothing was switched on, but torque {told.energised}, brake open {told.brake_open}"
 
 
-def _moved(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+def _moved(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
     moved = abs(true.deg(true.angle - stop.told.angle))
     if not abs(values["way"] - moved) <= true.bounds.told_deg:
         yield f"moved {values['way']:.3f} deg is told, true {moved:.3f}"
@@ -88,26 +107,26 @@ def _moved(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str
         yield f"position {values['position']:.3f} deg is told, true {position:.3f}"
 
 
-def _at_rest(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+def _at_rest(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
     time_ms = values["time_ms"]
     after = stop.speeds[math.ceil(time_ms + true.scans_ms(_SCANS)) :]
     if after and max(after) > true.bounds.told_rest_deg_s:
         yield f"at rest after {time_ms:.0f} ms is told, {max(after):.3f} deg/s later"
 
 
-def _torque_off(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+def _torque_off(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
     return _time("torque off", values["time_ms"], stop.off_ms, true)
 
 
-def _torque_seen_off(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+def _torque_seen_off(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
     return _time("torque seen off", values["time_ms"], stop.off_ms, true, late_ms=math.inf)
 
 
-def _brake_closed(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+def _brake_closed(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
     return _time("brake closed", values["time_ms"], stop.closed_ms, true)
 
 
-_Judge = Callable[[dict[str, Any], Stop, "AxisOracle"], Iterator[str]]
+_Judge = Callable[[dict[str, Any], Stop, TrueAxis], Iterator[str]]
 _JUDGES: Final[dict[Words, _Judge]] = {
     Words.NOTHING_ON: _nothing_on,
     Words.MOVED_TO: _moved,
@@ -119,7 +138,7 @@ _JUDGES: Final[dict[Words, _Judge]] = {
 
 
 def _time(
-    what: str, told_ms: float, true_ms: int | None, true: AxisOracle, late_ms: float = _LATE_MS
+    what: str, told_ms: float, true_ms: int | None, true: TrueAxis, late_ms: float = _LATE_MS
 ) -> Iterator[str]:
     scans_ms = true.scans_ms(_SCANS)
     if true_ms is None:

@@ -12,11 +12,11 @@ from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.nodes.group import NodeGroup
+from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.image import DriveState, InputImage, OutputImage
 from gantryctl.program import AxisProgram
 from gantryctl.runtime import Engine
-from support.oracle import limits
-from support.oracle.axis_oracle import AxisOracle, Violation
 
 _ENERGISED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 # Faults that put the reading, or what the drive does with it, in doubt: the class of feedback faults.
@@ -40,9 +40,14 @@ _CYCLES: Final = 8
 
 
 class Oracle:
-    """Every axis of one test, and what was found."""
+    """Every axis of one test, and what was found.
 
-    def __init__(self) -> None:
+    Args:
+        sees_faults: learns of faults where they are set in the drive; else who injects them tells each axis.
+    """
+
+    def __init__(self, *, sees_faults: bool = True) -> None:
+        self.sees_faults = sees_faults
         self.violations: list[Violation] = []
         self.bounds = limits.REFERENCE
         """Of the axes from now on; a test of another axis than the reference gantry sets its own."""
@@ -88,9 +93,10 @@ class Oracle:
 
 
 class _Now:
-    """The oracle that watches at present, if any."""
+    """The oracle that watches at present, if any, and how many want the taps."""
 
     oracle: Oracle | None = None
+    taps: int = 0
 
 
 @contextmanager
@@ -112,8 +118,16 @@ def _replace(stack: ExitStack, owner: type, name: str, made: Callable[[Any], Any
 
 @contextmanager
 def tapped() -> Iterator[None]:
-    """Install the taps; without an oracle that watches, each costs one comparison."""
+    """Install the taps, once however often it is asked; without an oracle that watches each costs one comparison.
+
+    They are of the process: two axes in two threads would be one to them.
+    """
+    if _Now.taps:
+        yield
+        return
     with ExitStack() as stack:
+        _Now.taps += 1
+        stack.callback(_let_go)
         _replace(stack, AxisProgram, "scan", _program_scan)
         _replace(stack, Engine, "_stop_drive", _engine_stop)
         _replace(stack, SimDrive, "write", _sim_write)
@@ -121,6 +135,10 @@ def tapped() -> Iterator[None]:
         _replace(stack, Faults, "__setattr__", _fault)
         with_bus(stack)
         yield
+
+
+def _let_go() -> None:
+    _Now.taps -= 1
 
 
 def with_bus(stack: ExitStack) -> None:
@@ -194,7 +212,7 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
 def _fault(original: Callable[..., None]) -> Callable[..., None]:
     def set_fault(faults: Faults, name: str, value: object) -> None:
         original(faults, name, value)
-        if _Now.oracle is not None and name in faults.spoilt:
+        if _Now.oracle is not None and _Now.oracle.sees_faults and name in faults.spoilt:
             axis = _Now.oracle.axes.get(id(faults))
             if axis is not None:
                 if name == "brake_close_slow_s":
@@ -246,7 +264,7 @@ def _drive_of(end: DriveNode | NodeGroup) -> tuple[DriveNode, tuple[int, ...]]:
 def _bus_send(original: Callable[..., None]) -> Callable[..., None]:
     def send(bus: DirectBus, message: Any, timeout: float | None = None) -> None:
         oracle, node = _Now.oracle, bus._node
-        if oracle is not None and node is not None:
+        if oracle is not None and isinstance(node, DriveNode | NodeGroup):
             can_id = message.arbitration_id
             function, number = can_id & 0x780, can_id & 0x7F
             # A master has a number of its own for its heartbeat.

@@ -128,7 +128,7 @@ def _driven_away_deg_s(machine: Machine) -> float:
     top, scan_ms = machine.speed.setting_max_deg_s, machine.control.scan_period_ms
     band_deg = monitors.following_error_base_deg + monitors.following_error_per_speed_s * top
     trips_s = (2.0 * band_deg / acc) ** 0.5
-    return acc * (trips_s + 1e-3 * (monitors.following_error_time_ms + 2.0 * scan_ms))
+    return float(acc * (trips_s + 1e-3 * (monitors.following_error_time_ms + 2.0 * scan_ms)))
 
 
 def _unheld_acc_deg_s2(machine: Machine) -> float:

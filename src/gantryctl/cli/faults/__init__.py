@@ -1,0 +1,1 @@
+"""`gantryctl faults`: one fault, and campaigns of them."""

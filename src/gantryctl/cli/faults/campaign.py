@@ -1,0 +1,171 @@
+"""`gantryctl faults campaign|replay|shrink|report`: many scenarios with faults, and one of them again."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gantryctl.cli.options import json_option, print_json
+from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
+from gantryctl.cli.workers import ended_in_order, pool_of, say
+from gantryctl.extras import need
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
+    from gantryctl.engineering.fault_campaign.scenario import Scenario
+
+_SEEDS = Whole(0, 2**40)
+
+
+def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options that say which campaign."""
+    for option in (
+        click.option(
+            "--scan", type=FINITE, help="Scan period of every scenario in ms; drawn when not given."
+        ),
+        click.option(
+            "--series", type=_SEEDS, default=1, show_default=True, help="Other scenarios of the kind."
+        ),
+        click.option(
+            "--kind",
+            type=click.Choice(("random", "pairs", "matrix")),
+            default="random",
+            show_default=True,
+            help="Drawn scenarios, forced pairs of faults, or each fault in each phase.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def _campaign(kind: str, series: int, scan: float | None) -> FaultCampaign:
+    from gantryctl.engineering.fault_campaign.kinds import campaign_of
+
+    return campaign_of(kind, series, scan)
+
+
+@click.command()
+@_campaign_options
+@click.option("--first", type=_SEEDS, default=0, show_default=True, help="First seed.")
+@click.option("--count", type=Whole(1, 2**40), default=5000, show_default=True, help="Number of seeds.")
+@click.option("--out", "out", type=PATH, help="Folder of the result; faults_KIND.result when not given.")
+@click.option("--workers", type=Whole(1, 1024), help="Processes; one per processor when not given.")
+@click.option("--cluster", help="Dask scheduler instead, such as tcp://10.0.0.1:8786.")
+@json_option
+def campaign(
+    kind: str,
+    series: int,
+    scan: float | None,
+    first: int,
+    count: int,
+    out: Path | None,
+    workers: int | None,
+    cluster: str | None,
+    as_json: bool,
+) -> int:
+    """Play many scenarios with faults, each judged by the true plant, and keep a row of each.
+
+    Goes on where it was ended: a seed that is in the folder is not played again. Exit code 1 when something broke or
+    seeds are missing at the end; `gantryctl faults replay SEED` tells what happened in one.
+    """
+    import os
+    from datetime import UTC, datetime
+
+    from gantryctl.engineering.fault_campaign.run import run_fault_campaign
+    from gantryctl.engineering.scheduler.job import Chunk
+
+    need(*(["distributed"] if cluster else []))
+    folder = out or Path(f"faults_{kind}.result")
+    processes = workers or os.cpu_count() or 1
+    # Work of Python: threads would wait for each other, and the oracle is of a process. One needs no other process.
+    alone = processes == 1 and cluster is None
+    pool = pool_of(1 if alone else None, None if alone or cluster else processes, cluster)
+    with ended_in_order() as stopped:
+        end = run_fault_campaign(
+            _campaign(kind, series, scan),
+            folder,
+            Chunk(first, count),
+            pool,
+            say=say,
+            now_s=time.monotonic,
+            today=lambda: datetime.now(UTC),
+            stopped=stopped,
+        )
+    if as_json:
+        print_json({**end._asdict(), "complete": end.complete, "result": str(folder)})
+    else:
+        what = "all" if end.complete else f"{end.there} of"
+        click.echo(
+            f"{folder}: {what} {end.asked} runs are there; played now {end.played}, broken {end.broken}"
+        )
+    return int(not end.complete or end.broken > 0)
+
+
+@click.command()
+@click.argument("seed", type=_SEEDS, required=False)
+@_campaign_options
+@click.option("--file", "file", type=INPUT, help="Scenario of a TOML file instead.")
+@click.option("--out", "out", type=PATH, help="Picture from the first fault on, .png or .svg.")
+@click.option("--toml", "as_toml", is_flag=True, help="Print the scenario as a file instead of playing it.")
+@json_option
+def replay(
+    seed: int | None,
+    kind: str,
+    series: int,
+    scan: float | None,
+    file: Path | None,
+    out: Path | None,
+    as_toml: bool,
+    as_json: bool,
+) -> int:
+    """Play one scenario again, and tell what happened.
+
+    The same seed, or the same file, gives the same trace bit by bit: its hash is printed. Exit code 1 when something
+    broke.
+    """
+    from gantryctl.engineering.fault_campaign.play import play
+    from gantryctl.engineering.fault_campaign.scenario import scenario_toml
+    from gantryctl.engineering.fault_campaign.text import played_data, played_lines, scenario_words, watched
+    from gantryctl.files import check_place
+
+    if out is not None:
+        need("matplotlib")
+        check_place(out)
+    scenario = _scenario(seed, kind, series, scan, file)
+    if as_toml:
+        click.echo(scenario_toml(scenario), nl=False)
+        return 0
+    played = play(scenario, record=out is not None)
+    if out is not None and not played.refused:
+        from gantryctl.engineering.faults.figure import draw_fault
+
+        draw_fault(watched(played), f"{scenario.label} - {scenario_words(scenario)}", out)
+    if as_json:
+        print_json(played_data(played))
+    else:
+        click.echo("\n".join(played_lines(played)))
+        if out is not None:
+            click.echo(f"picture: {out}")
+    return int(not played.ok)
+
+
+def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file: Path | None) -> Scenario:
+    """The scenario that was asked for.
+
+    Raises:
+        UsageError: neither seed nor file, or both; or a seed of the matrix.
+    """
+    from gantryctl.engineering.fault_campaign.scenario import load_scenario
+    from gantryctl.errors import UsageError
+
+    if (seed is None) is (file is None):
+        raise UsageError("give a seed or --file, one of the two")
+    if file is not None:
+        return load_scenario(file)
+    assert seed is not None
+    return _campaign(kind, series, scan).scenario(seed)

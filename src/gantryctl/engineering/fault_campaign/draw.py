@@ -1,0 +1,229 @@
+"""Scenarios from seeds: the same campaign, series and number give the same scenario on every computer.
+
+Everything is drawn from one `random.Random` that is seeded with a text, and by `random()` alone, whose sequence Python
+keeps the same (docs.python.org/3/library/random.html, "Notes on Reproducibility").
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from itertools import permutations
+from typing import Final, Literal, TypeVar
+
+from gantryctl.engineering.fault_campaign.scenario import Action, Deed, PlannedFault, Scenario
+from gantryctl.engineering.faults.case import FaultCase, Phase
+from gantryctl.engineering.faults.catalogue import CATALOGUE
+from gantryctl.engineering.faults.kinds.kind import Value
+
+DURATION_S: Final = 30.0
+BUS_SHARE: Final = 0.25
+"""Of the seeds; at least a fifth is asked for."""
+SOUND_SHARE: Final = 0.1
+"""Without a fault: what stops here is a nuisance."""
+# Of the scenarios that have faults.
+_ONE: Final = 0.4
+_TWO: Final = 0.8
+_BESIDE_SHARE: Final = 0.3
+_BUS_ROWS_SHARE: Final = 0.6
+_POWER_AT_S: Final = 0.2
+_FIRST_ACTION_S: Final = 2.2
+_LAST_S: Final = 27.0
+_TOP_DEG_S: Final = 6.0
+_SCANS_MS: Final = (1.0, 4.0, 4.0, 10.0)
+_DEEDS: Final[tuple[Deed, ...]] = (
+    "move", "move", "move", "move", "jog", "jog", "jog", "increment", "halt", "stop", "override", "power_off",
+    "quick_stop", "recover", "brake_test", "power",
+)  # fmt: skip
+# A person's own deeds are drawn as such; a brake that never holds and a spoilt HOLD have rows of their own.
+_NOT_DRAWN: Final = frozenset({"B1", "B10", "G17"})
+Drive = Literal["sim", "bus"]
+T = TypeVar("T")
+
+
+class Draw:
+    """Draws of one scenario."""
+
+    def __init__(self, text: str) -> None:
+        self._next = random.Random(text).random  # noqa: S311 - scenarios that can be repeated, no secret
+
+    def uniform(self, low: float, high: float) -> float:
+        """A number of a range, to the microsecond or millionth: files stay short."""
+        return round(low + (high - low) * self._next(), 6)
+
+    def happens(self, share: float) -> bool:
+        """True in this part of all draws."""
+        return self._next() < share
+
+    def one_of(self, things: Sequence[T]) -> T:
+        """One of several."""
+        return things[int(self._next() * len(things))]
+
+
+def drawable(drive: Drive, beside: bool = False) -> list[FaultCase]:
+    """Rows that random scenarios have on this drive: those that are judged and can come at any moment."""
+    return [
+        case
+        for case in CATALOGUE
+        if case.judged
+        and drive in case.buses
+        and (beside or not case.beside)
+        and case.phase is not Phase.HOLD
+        and case.number not in _NOT_DRAWN
+    ]
+
+
+def pairs(drive: Drive) -> list[tuple[str, str]]:
+    """Ordered pairs of rows that are forced together."""
+    return list(permutations([case.number for case in drawable(drive, beside=drive == "bus")], 2))
+
+
+def random_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
+    """One random scenario: none to three faults, random moves and deeds, plant within 20 %.
+
+    Args:
+        scan_ms: the same for all; drawn when not given.
+    """
+    draw = Draw(f"random {series} {number}")
+    drive: Drive = "bus" if draw.happens(BUS_SHARE) else "sim"
+    base = _machine(draw, drive, number, scan_ms)
+    actions = _deeds(draw, base.angle_deg)
+    count = 0 if draw.happens(SOUND_SHARE) else _count(draw)
+    rows = drawable(drive, base.beside)
+    # Only a fifth of the scenarios can have what only a bus has: there it comes more often.
+    only_bus = [case for case in rows if case.beside] if base.beside else []
+    only_bus = only_bus or [case for case in rows if "sim" not in case.buses]
+    faults = []
+    for _ in range(count):
+        of = only_bus if only_bus and draw.happens(_BUS_ROWS_SHARE) else rows
+        faults.append(_fault(draw, draw.one_of(of), actions))
+    return _made(draw, base, f"random {series} {number}", actions, faults)
+
+
+def pair_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
+    """Two rows forced together: every ordered pair in turn, the second at most half a second after the first."""
+    draw = Draw(f"pairs {series} {number}")
+    drive: Drive = "bus" if draw.happens(BUS_SHARE) else "sim"
+    base = _machine(draw, drive, number, scan_ms)
+    of_drive = pairs(drive)
+    first, second = of_drive[number % len(of_drive)]
+    if any(case.beside and case.number in (first, second) for case in CATALOGUE):
+        base = base.model_copy(update={"beside": True, "brake_owner": "drive"})
+    actions = _deeds(draw, base.angle_deg)
+    rows = {case.number: case for case in CATALOGUE}
+    one = _fault(draw, rows[first], actions)
+    gap_s = draw.one_of((0.0, 0.01, 0.05, 0.2, 0.5))
+    two = _fault(draw, rows[second], actions).model_copy(update={"at_s": round(one.at_s + gap_s, 6)})
+    return _made(draw, base, f"pairs {series} {number}", actions, [one, two])
+
+
+def _count(draw: Draw) -> int:
+    share = draw.uniform(0.0, 1.0)
+    return 1 if share < _ONE else 2 if share < _TWO else 3
+
+
+def _machine(draw: Draw, drive: Drive, number: int, scan_ms: float | None) -> Scenario:
+    drawn_ms = draw.one_of(_SCANS_MS)
+    scan_ms = drawn_ms if scan_ms is None else scan_ms
+    beside = drive == "bus" and draw.happens(_BESIDE_SHARE)
+    owners: tuple[Literal["drive", "object_60FE"], ...] = ("drive", "object_60FE")
+    owner = draw.one_of(owners)
+    return Scenario(
+        drive=drive,
+        beside=beside,
+        brake_owner="drive" if beside or drive == "sim" else owner,
+        scan_ms=scan_ms,
+        # A scan waits for half of its period at most (`faults.run.fault_machine`).
+        answer_ms=round(min(2.0, scan_ms * draw.uniform(0.25, 0.5)), 6),
+        plant_seed=number,
+        ramp_deg_s2=draw.one_of((None, 1.0, 1.0)),
+        hold_s=draw.uniform(0.5, 3.0) if draw.happens(0.25) else None,
+        angle_deg=draw.uniform(-175.0, 175.0),
+        duration_s=DURATION_S,
+    )
+
+
+def _deeds(draw: Draw, angle_deg: float) -> list[Action]:
+    """A session: power, then one thing after another."""
+    actions = []
+    if draw.happens(0.08):
+        actions.append(Action(at_s=_POWER_AT_S, do="brake_test"))
+        power_s = draw.uniform(7.0, 9.0)
+    else:
+        power_s = _POWER_AT_S + draw.uniform(0.0, 0.2)
+    actions.append(Action(at_s=round(power_s, 6), do="power"))
+    now_s, here = power_s + _FIRST_ACTION_S, angle_deg
+    while now_s < _LAST_S:
+        deed = draw.one_of(_DEEDS)
+        at_s = round(now_s, 6)
+        speed = draw.one_of((0.6, 1.0, 3.0, _TOP_DEG_S, draw.uniform(0.6, _TOP_DEG_S)))
+        if deed == "move":
+            way = draw.one_of((0.3, 3.0, 15.0, 60.0)) * draw.uniform(-1.0, 1.0)
+            # One in twenty is refused: beyond the travel.
+            end = 190.0 if draw.happens(0.05) else 179.0
+            here = round(max(-end, min(end, here + way)), 6)
+            actions.append(Action(at_s=at_s, do="move", target_deg=here, speed_deg_s=speed))
+        elif deed == "jog":
+            for_s = draw.uniform(0.1, 4.0)
+            lost = draw.uniform(0.0, for_s) if draw.happens(0.25) else None
+            age_s = draw.uniform(0.0, 0.15) if draw.happens(0.3) else 0.0
+            speed = speed if draw.happens(0.5) else -speed
+            actions.append(
+                Action(at_s=at_s, do="jog", speed_deg_s=speed, for_s=for_s, lease_s=lost, lease_age_s=age_s)
+            )
+        elif deed == "increment":
+            step = draw.uniform(0.01, 3.0) * draw.one_of((-1.0, 1.0))
+            actions.append(Action(at_s=at_s, do="increment", step_deg=round(step, 6), speed_deg_s=speed))
+        elif deed == "override":
+            actions.append(Action(at_s=at_s, do="override", value=draw.one_of((0.0, 0.3, 0.7, 1.0))))
+        elif deed == "quick_stop":
+            held_s = draw.uniform(0.1, 2.0)
+            actions.append(Action(at_s=at_s, do="quick_stop", for_s=held_s))
+            actions.append(Action(at_s=round(at_s + held_s + draw.uniform(1.0, 3.0), 6), do="recover"))
+            now_s += 3.0
+        elif deed == "stop":
+            actions.append(Action(at_s=at_s, do="stop", for_s=draw.uniform(0.05, 2.0)))
+        elif deed == "power_off":
+            actions.append(Action(at_s=at_s, do="power_off"))
+            actions.append(Action(at_s=round(at_s + draw.uniform(0.1, 5.0), 6), do="power"))
+        else:
+            actions.append(Action(at_s=at_s, do=deed))
+        now_s += draw.uniform(0.2, 6.0)
+    return actions
+
+
+# Amounts other than those of the row, where a row's physics has a range: from what must just be seen to what is gross.
+_AMOUNTS: Final[dict[str, tuple[str, float, float]]] = {
+    "A1": ("angle_deg", 0.05, 5.0),
+    "A1b": ("angle_deg", -5.0, -0.05),
+    "B8": ("share", 0.0, 0.05),
+    "C11": ("late_s", 0.0, 0.2),
+    "C12": ("share", 0.5, 1.0),
+    "F2": ("late_s", 0.035, 0.5),
+}
+
+
+def _fault(draw: Draw, case: FaultCase, actions: Sequence[Action]) -> PlannedFault:
+    """A row at a moment: seven of ten soon after something that the person did."""
+    after = draw.one_of(actions).at_s + draw.uniform(0.0, 3.0)
+    at_s = after if draw.happens(0.7) else draw.uniform(0.5, _LAST_S - 2.0)
+    args: dict[str, Value] = {}
+    amount = _AMOUNTS.get(case.number)
+    if amount is not None:
+        name, low, high = amount
+        args[name] = draw.uniform(low, high)
+    ends = draw.happens(0.4)
+    for_s = draw.uniform(0.05, 6.0)
+    return PlannedFault(number=case.number, at_s=round(at_s, 6), for_s=for_s if ends else None, args=args)
+
+
+def _made(
+    draw: Draw, base: Scenario, name: str, actions: list[Action], faults: list[PlannedFault]
+) -> Scenario:
+    """The person comes back after most faults: reset, power, and goes on."""
+    for fault in faults:
+        if draw.happens(0.7):
+            actions.append(Action(at_s=round(fault.at_s + draw.uniform(0.3, 5.0), 6), do="recover"))
+    ordered = sorted(actions, key=lambda each: each.at_s)
+    kept = tuple(sorted(faults, key=lambda each: each.at_s))
+    return base.model_copy(update={"name": name, "actions": tuple(ordered), "faults": kept})

@@ -1,0 +1,124 @@
+"""What an injection means to the oracle, and which alarms may come first because of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gantryctl.engineering.faults.case import FaultCase, ReactionClass
+from gantryctl.engineering.faults.injection import Injection
+from gantryctl.engineering.faults.kinds.kind import Place
+from gantryctl.engineering.faults.oracle.limits import BRAKE_BEGINS_S
+from gantryctl.program.alarms.codes import Code
+
+
+class Effect(NamedTuple):
+    """What an injection does to the promises of the axis (`AxisOracle.fault_injected`).
+
+    Attributes:
+        feedback: the reading is in doubt, or what the drive does with it.
+        at_once: it acts now, so the way to rest counts from now; else from the alarm.
+        brake: a quick stop has no ramp.
+        late_s: the axis goes on for so long before it shows.
+    """
+
+    feedback: bool = False
+    at_once: bool = False
+    brake: bool = False
+    late_s: float = 0.0
+
+
+_NOTHING: Final = Effect()
+_DOUBT: Final = Effect(feedback=True, at_once=True)
+_AT_ONCE: Final = Effect(at_once=True)
+_DOUBT_OF: Final = frozenset(
+    {
+        (Place.ENCODER, "gain"), (Place.ENCODER, "jump"), (Place.ENCODER, "freeze_reading"),
+        (Place.ENCODER, "speed_reading"), (Place.ENCODER, "turns"), (Place.DRIVE, "sign"),
+        (Place.DRIVE, "ignore_target"), (Place.DRIVE, "never_move"), (Place.DRIVE, "mode_display"),
+        (Place.FRAME, "readings_late"), (Place.NODE, "encoder_frozen"), (Place.NODE, "encoder_alarm"),
+        (Place.NODE, "encoder_jump"),
+    }
+)  # fmt: skip
+_SEEN_AT_ONCE: Final = frozenset(
+    {(Place.DRIVE, "trip"), (Place.DRIVE, "leaves_enabled"), (Place.INPUT, "off")}
+)
+# Bits of the reading: an alarm, and checksum errors that stay, are doubt; a warning and a single error are not.
+_FLAG_ALARM: Final = 2
+_FLAG_ERROR: Final = 1
+
+
+def effect_of(each: Injection) -> Effect:
+    """What one injection means."""
+    key, values = (each.where, each.kind), each.values
+    if key in _DOUBT_OF:
+        return _DOUBT
+    if key in _SEEN_AT_ONCE:
+        return _NOTHING if values.get("name") == "enabling_switch" else _AT_ONCE
+    match key:
+        case (Place.ENCODER, "flags"):
+            lasting = values["bits"] & _FLAG_ERROR and each.for_s is None
+            return _DOUBT if values["bits"] & _FLAG_ALARM or lasting else _NOTHING
+        case (Place.DRIVE, "quick_stop_off"):
+            return Effect(feedback=True)
+        case (Place.DRIVE, "no_torque" | "torque_limit") | (Place.BRAKE, "torque" | "slow"):
+            return Effect(brake=True)
+        case (Place.BRAKE, "stuck"):
+            closes = values["position"] == "closed"
+            return Effect(brake=True, at_once=closes, late_s=BRAKE_BEGINS_S if closes else 0.0)
+        case _:
+            # Seen within its own time, which the alarm tells: the way counts from there.
+            return _NOTHING
+
+
+_TAKES_TORQUE: Final = frozenset(
+    {
+        ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK, ReactionClass.STANDSTILL, ReactionClass.DRIVE_DEADLINE,
+        ReactionClass.NONE,
+    }
+)  # fmt: skip
+# Of its torque: the 16 kN m of the reference gantry, with 20 % more, ask for 17 N m of 400.
+_HOLDS_SHARE: Final = 0.1
+LOAD_MOVES: Final = frozenset({Code.BRK_03, Code.BRK_04, Code.BRK_13})
+"""Alarms that tell people that the load moves."""
+
+
+def nothing_holds(cases: Sequence[FaultCase]) -> bool:
+    """Faults together leave nothing that could hold the load: a brake without torque, and another takes the drive's.
+
+    Then the axis can keep no way, and must tell people (rows A20 and B13 are of this kind by themselves).
+    """
+    weak = [case for case in cases if any(_without_brake(each) for each in case.injections)]
+    return bool(weak) and any(case.reaction in _TAKES_TORQUE for case in cases if case not in weak)
+
+
+def _without_brake(each: Injection) -> bool:
+    key = (each.where, each.kind)
+    if key == (Place.BRAKE, "stuck"):
+        return str(each.values["position"]) == "open"
+    return key == (Place.BRAKE, "torque") and float(each.values["share"]) < _HOLDS_SHARE
+
+
+# Families of alarms by the place where a fault acts. What a fault of one place may show as first depends on what the
+# axis does at that moment: an encoder that lies shows as control that is lost, a drive without torque too.
+_CONTROL: Final = ("CTL-", "ENC-02", "ENC-12", "ENC-14", "BRK-13", "BRK-14", "DRV-13")
+_FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
+    Place.ENCODER: ("ENC-", *_CONTROL, "BRK-03", "BRK-04"),
+    Place.DRIVE: ("DRV-", *_CONTROL, "BRK-01", "BRK-03", "BRK-04", "BRK-05", "BRK-06", "BRK-07"),
+    Place.BRAKE: ("BRK-", *_CONTROL),
+    Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
+    Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", "DRV-01", "DRV-04"),
+    Place.FRAME: ("CAN-", "DRV-", *_CONTROL, "ENC-01"),
+    Place.NODE: ("CAN-16", "DRV-04", "INT-", "LIM-", "PWR-", "BRK-", "ENC-07", *_CONTROL),
+    Place.CLOCK: ("SYS-02", "SYS-03", "CAN-", "DRV-", *_CONTROL, "ENC-01"),
+    Place.PROCESS: (),
+    Place.OPERATOR: ("INT-06",),
+}
+
+
+def may_come_first(code: Code, case: FaultCase) -> bool:
+    """An alarm of this code may be the first because of a row of the catalogue."""
+    if code in case.codes or code is case.also or any(each.code is code for each in case.instead):
+        return True
+    families = {family for each in case.injections for family in _FAMILIES[each.where]}
+    return code.value.startswith(tuple(families))

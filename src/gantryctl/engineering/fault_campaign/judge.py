@@ -1,0 +1,138 @@
+"""What is demanded of a scenario beyond the oracle: nobody is stopped without a cause, and causes are named."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.engineering.fault_campaign.effects import LOAD_MOVES, may_come_first, nothing_holds
+from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
+from gantryctl.engineering.fault_campaign.ways import Way, begins
+from gantryctl.engineering.faults.bench import FaultBench
+from gantryctl.engineering.faults.case import FaultCase, ReactionClass
+from gantryctl.engineering.faults.injection import Injection
+from gantryctl.engineering.faults.oracle.axis_oracle import Violation
+from gantryctl.program.alarms.codes import Code, Reaction, Severity
+from gantryctl.program.alarms.log import Alarm
+
+NUISANCE: Final = "M2"
+"""Stopped or warned, and nobody caused it (meta-invariant of the catalogue)."""
+NAMED: Final = "INV-7"
+STOPPING: Final = frozenset(
+    {
+        ReactionClass.QUICK_STOP, ReactionClass.DRIVE_DEADLINE, ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK,
+        ReactionClass.STANDSTILL, ReactionClass.BRAKE_SLIP, ReactionClass.HALT,
+    }
+)  # fmt: skip
+
+
+class Judge:
+    """Follows one scenario.
+
+    Attributes:
+        found: what broke. stops: codes of the alarms that stopped. nuisances: how many nobody caused.
+        acted: numbers of the rows that have begun to act.
+    """
+
+    def __init__(self, bench: FaultBench, scenario: Scenario) -> None:
+        self._bench, self._scenario = bench, scenario
+        self.found: list[Violation] = []
+        self.stops: list[str] = []
+        self.nuisances = 0
+        self.acted: list[str] = []
+        self._cases: list[FaultCase] = []
+        # Which row each injection belongs to: equal injections of two rows act for both.
+        self._rows = [(each, fault) for fault in scenario.faults for each in fault.injections()]
+        self._quick_stop_asked = any(action.do == "quick_stop" for action in scenario.actions)
+        self._told_of_load = False
+        self._begun: list[PlannedFault] = []
+        self._way: Way | None = None
+        self._ways: list[Way] = []
+        self._deg = bench.machine.axis.ratio * math.pi / 180.0
+
+    def injected(self, each: Injection) -> None:
+        """An injection acts now."""
+        for injection, fault in self._rows:
+            if injection == each and fault not in self._begun:
+                self._begins(fault)
+
+    def _begins(self, fault: PlannedFault) -> None:
+        before = list(self._begun)
+        self._begun.append(fault)
+        self.acted.append(fault.number)
+        self._cases.append(fault.case)
+        bench = self._bench
+        angle, speed = bench.pos_deg, bench.vel_deg_s
+        if self._way is not None:
+            self._way.also(fault, abs(speed))
+        elif bench.axis.alarms.first_out is None:
+            wire = bench.engine.output.vel_cmd_rad_s / self._deg
+            if begins(fault, speed, wire):
+                fastest = max(abs(speed), abs(wire))
+                self._way = Way(
+                    self._scenario, bench.machine, before, fault, bench.time_s, angle, fastest
+                )  # fmt: skip
+
+    def scan(self, pos: float, vel: float) -> None:
+        """After each scan: true motor angle and speed, rad and rad/s."""
+        way = self._way
+        if way is not None and not way.goes_on(self._bench.time_s, pos / self._deg, vel / self._deg):
+            self._way = None
+            if way.bounded:
+                self._judge(way)
+
+    def _judge(self, way: Way) -> None:
+        self._ways.append(way)
+        limit = way.limit()
+        if way.way_deg > limit:
+            self.found.append(
+                Violation(
+                    "INV-1",
+                    self._bench.time_s,
+                    f"{way.number}: {way.way_deg:.3f} deg from the fault to rest, at most {limit:.3f}",
+                )
+            )
+
+    def alarm(self, alarm: Alarm) -> None:
+        """An alarm has come."""
+        self._told_of_load = self._told_of_load or alarm.code in LOAD_MOVES
+        stops = alarm.reaction >= Reaction.QUICK_STOP
+        if stops and alarm.follows is None:
+            self.stops.append(alarm.code.value)
+            if not self._caused(alarm.code):
+                self.nuisances += not self._stopping
+                self._say(alarm, NAMED if self._stopping else NUISANCE, "names nothing that was injected")
+        elif alarm.severity is Severity.WARNING and not self._cases:
+            self._say(alarm, NUISANCE, "a warning, and nothing was injected")
+
+    @property
+    def nothing_holds(self) -> bool:
+        """Nothing is left that could hold the load, and people have been told."""
+        return self._told_of_load and nothing_holds(self._cases)
+
+    @property
+    def _stopping(self) -> bool:
+        """A fault that may stop the axis has begun."""
+        return any(case.reaction in STOPPING or case.codes for case in self._cases)
+
+    def _caused(self, code: Code) -> bool:
+        if code is Code.INT_06 and self._quick_stop_asked:
+            return True
+        return any(may_come_first(code, case) for case in self._cases)
+
+    def _say(self, alarm: Alarm, invariant: str, what: str) -> None:
+        begun = ", ".join(self.acted) or "nothing"
+        self.found.append(
+            Violation(invariant, alarm.time_s, f"{alarm.code} {what} (begun: {begun}): {alarm.measured}")
+        )
+
+    def way(self) -> tuple[str, float, float]:
+        """Row, way and limit, deg, of the only fault; "" and NaN where there are more, or its way is not judged."""
+        if len(self._scenario.faults) != 1 or not self._ways:
+            return "", math.nan, math.nan
+        way = self._ways[0]
+        return way.number, way.way_deg, way.limit()
+
+    def end(self) -> list[Violation]:
+        """Everything that broke."""
+        return self.found

@@ -1,0 +1,61 @@
+"""The kinds of campaigns: which runs there are, by number."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from gantryctl.engineering.fault_campaign.draw import DURATION_S, pair_scenario, random_scenario
+from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.engineering.faults.injection import finite
+from gantryctl.errors import UsageError
+
+Kind = Literal["random", "pairs", "matrix"]
+KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "matrix")
+# Of the way scenarios are drawn: another number gives other scenarios, and no result goes on with them.
+DRAWING: Final = 1
+
+
+@dataclass(frozen=True)
+class FaultCampaign:
+    """Which runs there are; the number of a run is its seed.
+
+    Attributes:
+        series: other scenarios of the same kind. scan_ms: of all runs; None: drawn, or of the cell.
+    """
+
+    kind: Kind
+    series: int = 1
+    scan_ms: float | None = None
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        scan = "" if self.scan_ms is None else f", scan {self.scan_ms:g} ms"
+        return f"{self.kind}, series {self.series}{scan}"
+
+    @property
+    def hash(self) -> str:
+        """Of what decides a scenario; the code that plays it stands beside each row."""
+        given = [DRAWING, self.kind, self.series, self.scan_ms, DURATION_S]
+        return hashlib.sha256(json.dumps(given).encode()).hexdigest()
+
+    def scenario(self, seed: int) -> Scenario:
+        """The scenario of a seed; not for the matrix, whose cells are runs of a row."""
+        draw = pair_scenario if self.kind == "pairs" else random_scenario
+        return draw(self.series, seed, self.scan_ms)
+
+
+def campaign_of(kind: str, series: int = 1, scan_ms: float | None = None) -> FaultCampaign:
+    """A campaign from words of a person.
+
+    Raises:
+        UsageError: no such kind, or a scan period that no machine has.
+    """
+    for known in KINDS:
+        if known == kind:
+            scan = None if scan_ms is None else finite(scan_ms, "scan period in ms", 0.5, 20.0)
+            return FaultCampaign(known, series, scan)
+    raise UsageError(f"kind of a campaign must be one of {', '.join(KINDS)}, got '{kind}'")

@@ -1,0 +1,65 @@
+"""What a scenario led to, for people and for JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from gantryctl.engineering.fault_campaign.play import Played
+from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.engineering.faults.figure import Watched
+from gantryctl.engineering.faults.run import Moment
+
+
+def scenario_words(scenario: Scenario) -> str:
+    """Machine and place in one line."""
+    drive = "simulated drive" if scenario.drive == "sim" else f"bus, brake by {scenario.brake_owner}"
+    if scenario.beside:
+        drive = "bus with nodes beside the drive"
+    plant = "plant of the machine file" if scenario.plant_seed is None else f"plant {scenario.plant_seed}"
+    return f"{drive}, scan {scenario.scan_ms:g} ms, {plant}, begins at {scenario.angle_deg:g} deg"
+
+
+def played_lines(played: Played) -> list[str]:
+    """What happened, line by line."""
+    scenario = played.scenario
+    lines = [f"{scenario.name}: {scenario_words(scenario)}, faults {scenario.label}"]
+    if played.refused:
+        return [*lines, f"refused: {played.refused}"]
+    lines += [f"{event.time_s:8.3f} s  {event.text}" for event in played.events]
+    if played.fault:
+        lines.append(f"way of {played.fault}  {played.way_deg:.3f} deg, permitted {played.limit_deg:.3f}")
+    lines.append(f"trace  sha256 {played.trace_sha256}")
+    lines.append("everything held" if played.ok else f"{len(played.violations)} broken")
+    return lines
+
+
+def played_data(played: Played) -> dict[str, Any]:
+    """A played scenario for JSON; a number that is not finite is null."""
+    return {
+        "scenario": played.scenario.model_dump(mode="json"),
+        "refused": played.refused,
+        "ok": played.ok,
+        "violations": [each._asdict() for each in played.violations],
+        "trace_sha256": played.trace_sha256,
+        "stops": list(played.stops),
+        "nuisances": played.nuisances,
+        "way_of": played.fault,
+        "way_deg": _finite(played.way_deg),
+        "limit_deg": _finite(played.limit_deg),
+        "axis_s": played.axis_s,
+        "events": [{"time_s": event.time_s, "text": event.text} for event in played.events],
+    }
+
+
+def watched(played: Played) -> Watched:
+    """What a picture of a recorded run needs."""
+    assert played.log is not None
+    alarms = [event for event in played.events if event.text.startswith("alarm: ")]
+    moments = tuple(Moment(event.time_s, event.text.split()[1]) for event in alarms)
+    onset_s = float(played.log["time_s"][0]) if played.onset_s is None else played.onset_s
+    return Watched(played.log, onset_s, math.inf, moments)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,156 @@
+"""The way from a fault in motion to rest against the limit of its class, also where faults come together.
+
+The oracle counts the way of a stop from what it knows to act at once, else from the alarm. Here it counts from the
+injection, by the limit of the row (`faults.limits`), for rows that are seen in motion at once. Where the scenario has
+several faults the slowest of their classes holds, each from where it begins:
+
+- a second fault within the stop of the first: the way until then, and the limit of the second at
+  the speed that is left;
+- a brake that comes late: its delay times the speed more;
+- a brake with a part of its torque: the way of the brake grows as that part becomes smaller, so the
+  limit divided by it;
+- a quick stop without torque: the limit of torque off, from the time in which the ramp is seen to be left;
+- no limit at all where nothing can keep one: a brake without torque, a load beyond what the axis was checked with, a
+  drive that obeys nothing.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
+from gantryctl.engineering.faults.limits import limit_deg
+from gantryctl.engineering.faults.run import fault_machine
+from gantryctl.machine import Machine
+
+_CLASSES: Final = frozenset(
+    {
+        ReactionClass.QUICK_STOP, ReactionClass.DRIVE_DEADLINE, ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK,
+    }
+)  # fmt: skip
+# deg/s: ways of slower motions are within what standstill permits.
+_LEAST_DEG_S: Final = 0.6
+# s: what lasts less may be over before it is believed.
+_LASTS_S: Final = 0.5
+_GRID_DEG_S: Final = (0.0, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+# deg/s, a tenth of which the oracle calls rest too; and for how long.
+_REST_DEG_S: Final = 0.05
+_RESTS_S: Final = 0.2
+_LONGEST_S: Final = 4.0
+_UNBOUNDED: Final = frozenset({"B3", "B7", "C2", "C3", "C4", "D3"})
+_WITHOUT_TORQUE: Final = frozenset({"B8", "C7", "D7", "D13"})
+
+
+def seen_in_motion(case: FaultCase) -> bool:
+    """A row that a moving axis sees at once, so that its way counts from the injection."""
+    return case.phase is Phase.CRUISE and case.reaction in _CLASSES and not case.from_deviation
+
+
+@functools.lru_cache(maxsize=32)
+def _base(drive: str, beside: bool, owner: str, scan_ms: float) -> Machine:
+    bus = drive == "bus"
+    return fault_machine(
+        None, "bus" if bus else "sim", _LEAST_DEG_S, scan_ms, "object_60FE" if owner == "object_60FE" else "drive",
+        beside=beside,
+    )  # fmt: skip
+
+
+@functools.lru_cache(maxsize=1024)
+def _grid(machine: Machine, reaction: ReactionClass, seen_by: SeenBy) -> tuple[float, ...]:
+    return tuple(limit_deg(machine, reaction, speed, seen_by) for speed in _GRID_DEG_S)
+
+
+class Way:
+    """The way of one stop, from the first fault that a moving axis sees.
+
+    Args:
+        machine: with the plant of the scenario.
+        before: faults that had begun before.
+    """
+
+    def __init__(
+        self, scenario: Scenario, machine: Machine, before: list[PlannedFault], fault: PlannedFault, time_s: float,
+        angle_deg: float, speed_deg_s: float,
+    ) -> None:  # fmt: skip
+        self._scenario, self._machine = scenario, machine
+        self._faults = [*before, fault]
+        self.number, self._begin_s, self._from_deg = fault.number, time_s, angle_deg
+        self.way_deg = 0.0
+        self._parts: list[tuple[FaultCase, float, float]] = [(fault.case, 0.0, speed_deg_s)]
+        self._rested_s: float | None = None
+        self.bounded = not any(each.number in _UNBOUNDED for each in self._faults)
+
+    def also(self, fault: PlannedFault, speed_deg_s: float) -> None:
+        """Another fault begins on the way."""
+        self._faults.append(fault)
+        self.bounded = self.bounded and fault.number not in _UNBOUNDED
+        if seen_in_motion(fault.case):
+            self._parts.append((fault.case, self.way_deg, speed_deg_s))
+
+    def goes_on(self, time_s: float, angle_deg: float, speed_deg_s: float) -> bool:
+        """After a scan; False when the axis has come to rest, or the time is over."""
+        self.way_deg = max(self.way_deg, abs(angle_deg - self._from_deg))
+        if abs(speed_deg_s) > _REST_DEG_S:
+            self._rested_s = None
+        elif self._rested_s is None:
+            self._rested_s = time_s
+        rests = self._rested_s is not None and time_s - self._rested_s >= _RESTS_S
+        return not rests and time_s - self._begin_s < _LONGEST_S
+
+    def limit(self) -> float:
+        """Permitted way, deg: by the plant of the machine file, or if that is passed by the plant of the scenario."""
+        scenario = self._scenario
+        base = _base(scenario.drive, scenario.beside, scenario.brake_owner, scenario.scan_ms)
+        known = max(
+            way + self._weakened(_between(base, case, speed), speed) for case, way, speed in self._parts
+        )
+        if self.way_deg <= known:
+            return known
+        own = max(
+            way + self._weakened(self._of_class(self._machine, case, speed), speed)
+            for case, way, speed in self._parts
+        )
+        return max(known, own)
+
+    def _of_class(self, machine: Machine, case: FaultCase, speed: float) -> float:
+        limit = limit_deg(machine, case.reaction, speed, case.seen_by)
+        if self._no_torque:
+            limit = max(limit, limit_deg(machine, ReactionClass.TORQUE_OFF, speed, SeenBy.RAMP))
+        return limit
+
+    @property
+    def _no_torque(self) -> bool:
+        return any(each.number in _WITHOUT_TORQUE for each in self._faults)
+
+    def _weakened(self, limit: float, speed_deg_s: float) -> float:
+        if self._no_torque:
+            base = _base("sim", False, "drive", self._scenario.scan_ms)
+            limit = max(limit, _interpolated(base, ReactionClass.TORQUE_OFF, SeenBy.RAMP, speed_deg_s))
+        for each in self._faults:
+            for injection in each.injections():
+                if injection.kind == "slow":
+                    limit += injection.values["late_s"] * speed_deg_s
+                elif injection.where == "brake" and injection.kind == "torque":
+                    share = injection.values["share"]
+                    limit = limit / share if share > 0.0 else math.inf
+        return limit
+
+
+def _between(machine: Machine, case: FaultCase, speed_deg_s: float) -> float:
+    return _interpolated(machine, case.reaction, case.seen_by, speed_deg_s)
+
+
+def _interpolated(machine: Machine, reaction: ReactionClass, seen_by: SeenBy, speed_deg_s: float) -> float:
+    """Between speeds the chord: ways grow with the square of the speed, so it lies above them."""
+    return float(np.interp(abs(speed_deg_s), _GRID_DEG_S, _grid(machine, reaction, seen_by)))
+
+
+def begins(fault: PlannedFault, speed_deg_s: float, wire_deg_s: float) -> bool:
+    """The way of this fault is judged: it is seen at once, lasts, and the axis is in a motion that is commanded."""
+    lasts = fault.for_s is None or fault.for_s >= _LASTS_S
+    return seen_in_motion(fault.case) and lasts and min(abs(speed_deg_s), abs(wire_deg_s)) >= _LEAST_DEG_S

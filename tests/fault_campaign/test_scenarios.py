@@ -1,0 +1,117 @@
+"""Scenarios of a fault campaign: drawn the same everywhere, played to the same bits, judged by the true plant."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from gantryctl.engineering.fault_campaign.draw import drawable, pair_scenario, random_scenario
+from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.engineering.fault_campaign.scenario import (
+    Action,
+    PlannedFault,
+    Scenario,
+    load_scenario,
+    scenario_toml,
+)
+from gantryctl.engineering.faults.oracle.taps import Oracle
+from gantryctl.errors import UsageError
+
+pytestmark = pytest.mark.can
+TURNING = (Action(at_s=0.1, do="power"), Action(at_s=1.6, do="move", target_deg=60.0, speed_deg_s=3.0))
+
+
+def scenario(*faults: PlannedFault, **others: object) -> Scenario:
+    given = {"actions": TURNING, "ramp_deg_s2": 1.0, "duration_s": 7.0, "scan_ms": 10.0, **others}
+    return Scenario.model_validate({**given, "faults": faults})
+
+
+def test_shares_of_faults_and_drives_are_those_that_were_asked_for() -> None:
+    drawn = [random_scenario(1, seed) for seed in range(800)]
+    faulty = Counter(len(each.faults) for each in drawn)
+    some = 800 - faulty[0]
+    assert faulty[0] / 800 == pytest.approx(0.1, abs=0.03)
+    assert faulty[1] / some == pytest.approx(0.4, abs=0.05)
+    assert faulty[2] / some == pytest.approx(0.4, abs=0.05)
+    assert faulty[3] / some == pytest.approx(0.2, abs=0.05)
+    assert sum(each.drive == "bus" for each in drawn) / 800 >= 0.2
+    deeds = Counter(action.do for each in drawn for action in each.actions)
+    assert len(deeds) == 11, "every deed but a bare reset is drawn"
+    numbers = Counter(fault.number for each in drawn for fault in each.faults)
+    every = {case.number for case in (*drawable("sim"), *drawable("bus", beside=True))}
+    assert set(numbers) == every
+    assert {each.scan_ms for each in drawn} == {1.0, 4.0, 10.0}
+
+
+def test_a_seed_is_a_scenario_on_every_computer() -> None:
+    """Written down once: another Python, another processor, the same numbers."""
+    first = random_scenario(1, 123, 4.0)
+    assert first.label == "D6"
+    assert (first.drive, first.angle_deg, first.faults[0].at_s) == ("bus", -156.143963, 22.447326)
+    assert random_scenario(2, 123, 4.0) != first
+    ordered = {
+        (one.number, two.number) for one, two in (pair_scenario(1, seed).faults for seed in range(200))
+    }
+    assert len(ordered) > 150
+
+
+def test_a_file_gives_the_same_scenario_again(tmp_path: Path) -> None:
+    for seed in range(30):
+        drawn = random_scenario(1, seed)
+        file = tmp_path / "scenario.toml"
+        file.write_text(scenario_toml(drawn))
+        assert load_scenario(file) == drawn
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("scan_ms = nan", "scan_ms"),
+        ("speed = 1", "speed"),
+        ('[[faults]]\nnumber = "Z9"\nat_s = 1.0', "Z9"),
+        ('[[faults]]\nnumber = "A1"\nat_s = 1.0\nargs = { angle_deg = 1e9 }', "from -360 to 360"),
+        ('[[actions]]\ndo = "fly"\nat_s = 1.0', "actions.0.do"),
+        ("scan_ms = ", "scenario.toml"),
+    ],
+)
+def test_a_file_that_is_wrong_is_refused_by_its_place(tmp_path: Path, text: str, told: str) -> None:
+    file = tmp_path / "scenario.toml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=told):
+        load_scenario(file)
+
+
+def test_the_same_scenario_gives_the_same_bits_and_another_gives_others() -> None:
+    fault = PlannedFault(number="D1", at_s=4.0)
+    first, again = play(scenario(fault)), play(scenario(fault))
+    assert first.trace_sha256 == again.trace_sha256
+    assert first.ok, first.violations
+    assert first.stops == ("DRV-01",)
+    assert (first.fault, first.way_deg < first.limit_deg) == ("D1", True)
+    later = play(scenario(fault.model_copy(update={"at_s": 4.01})))
+    assert later.trace_sha256 != first.trace_sha256
+
+
+@pytest.mark.parametrize("number", ["A1", "C5", "G3", "G9"])
+def test_a_fault_in_motion_keeps_the_way_of_its_class(number: str) -> None:
+    played = play(scenario(PlannedFault(number=number, at_s=4.0)))
+    assert played.ok, played.violations
+    assert 0.0 < played.way_deg <= played.limit_deg
+
+
+def test_a_stop_without_a_cause_is_a_nuisance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The liar: an axis that switches itself off."""
+    sound = play(scenario(duration_s=4.0))
+    assert sound.ok, sound.violations
+    monkeypatch.setattr("gantryctl.engineering.fault_campaign.judge.Judge.injected", lambda self, each: None)
+    silent = play(scenario(PlannedFault(number="D1", at_s=3.0), duration_s=4.0))
+    assert [each.invariant for each in silent.violations] == ["M2"]
+    assert silent.nuisances == 1
+
+
+def test_what_a_campaign_plays_is_judged_by_its_own_oracle(oracle: Oracle) -> None:
+    """The oracle of the tests sees nothing of it: each axis has one judge."""
+    play(scenario(PlannedFault(number="D1", at_s=3.0), duration_s=4.0))
+    assert not oracle.axes
