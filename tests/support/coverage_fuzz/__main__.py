@@ -19,7 +19,7 @@ from typing import Final
 
 WORK: Final = Path("build/fuzz")
 # Of a whole run; a corpus that is kept is small: its inputs are the shortest of their kind.
-KEPT_MAX_KB: Final = 50
+KEPT_MAX_KB: Final = 20
 LONGEST: Final = 16_384
 _DONE: Final = re.compile(r"#(\d+)\s+(?:DONE|pulse|NEW|REDUCE|RELOAD)?\s*cov: (\d+) ft: (\d+) corp: (\d+)")
 
@@ -78,10 +78,12 @@ def fuzz(name: str, seconds: float, seed: int, *, keep: bool) -> dict[str, objec
     kept = CORPUS / name
     kept.mkdir(parents=True, exist_ok=True)
     options = [
-        f"-seed={seed}", f"-dict={work / 'words'}", f"-artifact_prefix={found}/",
+        f"-seed={seed}", f"-artifact_prefix={found}/",
         "-timeout=20", "-report_slow_units=600",
         "-rss_limit_mb=1200", "-malloc_limit_mb=200", f"-max_len={LONGEST}", "-print_final_stats=1",
     ]  # fmt: skip
+    if target.words:
+        options.append(f"-dict={work / 'words'}")
     executed, cov, ft, corp, begun_s, findings = 0, 0, 0, 0, time.monotonic(), len(list(found.iterdir()))
     # libFuzzer ends at its first finding: it goes on until the time is over.
     while (left_s := seconds - (time.monotonic() - begun_s)) > 1.0:

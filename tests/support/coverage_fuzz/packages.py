@@ -19,6 +19,8 @@ PACKAGES: Final[dict[str, tuple[str, ...]]] = {
     "sdo": ("gantryctl.drives.canopen.bus", "gantryctl.drives.od"),
     "bus_log": ("gantryctl.trace.frames", "can.io", "csv"),
     "retained": ("gantryctl.runtime.retained", "gantryctl.runtime.retained_store"),
+    "backup": ("gantryctl.service.backup", "tarfile"),
+    "drive_backup": ("gantryctl.drives.canopen.setup.parameters",),
     "journal": ("gantryctl.service.recorder.journal",),
     "recording": ("gantryctl.trace",),
     "message": ("gantryctl.service.protocol",),

@@ -6,9 +6,11 @@ finding. The same functions run under atheris and, on the kept corpus, in the fa
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import struct
+import tarfile
 import tempfile
 import zlib
 from collections.abc import Callable
@@ -18,6 +20,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from gantryctl.cli.drive.drive import _backup_file
 from gantryctl.drives.canopen.bus.link import Frame
 from gantryctl.drives.canopen.bus.sdo import SdoClient
 from gantryctl.drives.canopen.decoding.decoder import FrameDecoder
@@ -36,6 +39,7 @@ from gantryctl.machine.calibration import load_calibration
 from gantryctl.runtime import Retained
 from gantryctl.runtime.retained_store import decode as decode_retained
 from gantryctl.runtime.retained_store import encode as encode_retained
+from gantryctl.service.backup.archive import _MANIFEST, FORMAT, Manifest, _text, read_manifest
 from gantryctl.service.protocol.messages import MessageRefused, from_record, parse
 from gantryctl.service.recorder.journal.file import FIELDS
 from gantryctl.service.recorder.journal.places import FILE
@@ -261,6 +265,24 @@ def _journal(data: bytes) -> None:
         assert set(row.values) == set(FIELDS)
 
 
+def _backup(data: bytes) -> None:
+    # "t": an archive as it is; else its manifest.
+    path = _folder() / "machine.backup"
+    path.unlink(missing_ok=True)
+    if data[:1] == b"t":
+        path.write_bytes(data[1:])
+    else:
+        with tarfile.open(path, "w:gz", compresslevel=1) as tar:
+            entry = tarfile.TarInfo(_MANIFEST)
+            entry.size = len(data)
+            tar.addfile(entry, io.BytesIO(data))
+    read_manifest(path)
+
+
+def _drive_backup(data: bytes) -> None:
+    _backup_file(_as_file("drive.json", data))
+
+
 def _recording(data: bytes) -> None:
     kind = data[:1]
     if kind in (b"p", b"a"):
@@ -357,6 +379,11 @@ def _retained_seeds() -> list[bytes]:
     return [whole, b"s" + json.dumps(body).encode()]
 
 
+def _backup_seeds() -> list[bytes]:
+    whole = Manifest("gantry", "", "2026-11-23T04:00:00Z", "anna", "pc", "0.1", False, "", {})
+    return [_text(whole), json.dumps({"format": FORMAT, "files": {"a": [1, "00"]}}).encode()]
+
+
 def _patch_seeds(kinds: bytes) -> Callable[[], list[bytes]]:
     return lambda: [
         bytes([kind]) + patch for kind in kinds for patch in (b"", b"\x00\x10\x00\x02\x00\x01", bytes(4))
@@ -400,6 +427,10 @@ TARGETS: Final[dict[str, Target]] = {
     "sdo": Target(_sdo, (DeviceError,), _sdo_seeds),
     "bus_log": Target(_bus_log, (UsageError,), _log_seeds, ("Rx", "Tx", "#", "can0", "base hex", "Begin Triggerblock")),
     "retained": Target(_retained, (StateError,), _retained_seeds, _JSON),
+    "backup": Target(_backup, (UsageError,), _backup_seeds, _JSON),
+    "drive_backup": Target(_drive_backup, (UsageError,), lambda: [
+        b'{"drive": {"vendor": 1}, "values": {"6085:00": "0a000000"}}',
+    ], (*_JSON, "6085:00")),
     "journal": Target(_journal, (DeviceError, UsageError), _patch_seeds(b"rP")),
     "recording": Target(_recording, (UsageError, DeviceError), _patch_seeds(b"pa")),
     "message": Target(_message, (MessageRefused,), _message_seeds, (*_JSON, '"type"', '"seq"', '"frame"', '"epoch"')),

@@ -106,6 +106,22 @@ def test_a_connection_that_neither_watches_nor_says_anything_is_closed(
     run(tmp_path, check)
 
 
+def test_a_first_line_of_brackets_ends_the_connection_and_nothing_else(tmp_path: Path) -> None:
+    """Deeper than JSON is read: an exception that nobody takes would be a traceback in the log of the service."""
+    told: list[object] = []
+
+    async def check(hub: Hub, path: Path) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: told.append(context))
+        reader, writer = await asyncio.open_unix_connection(path)
+        writer.write(b"[" * 8000 + b"\n")
+        assert await ended(reader)
+        assert len(hub) == 0
+        writer.close()
+
+    run(tmp_path, check)
+    assert told == []
+
+
 def test_a_watcher_that_reads_nothing_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local, "_SEND_S", 0.3)
     monkeypatch.setattr(Hub, "status_text", lambda *_, **__: "x" * 100_000)

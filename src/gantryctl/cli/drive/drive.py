@@ -178,5 +178,5 @@ def _backup_file(file: Path) -> dict[str, Any]:
         return check_backup(json.loads(file.read_text(encoding="utf-8-sig")))
     except OSError as fault:
         raise UsageError(f"{file}: cannot be read: {fault.strerror or fault}") from None
-    except ValueError as fault:
+    except (ValueError, RecursionError) as fault:
         raise UsageError(f"{file}: is no backup of a drive: {fault}") from None

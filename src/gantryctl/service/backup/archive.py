@@ -177,6 +177,8 @@ def _manifest(path: Path, tar: tarfile.TarFile) -> Manifest:
         KeyError,
         TypeError,
         AttributeError,
+        OverflowError,
+        RecursionError,
     ) as fault:
         raise UsageError(f"{path}: damaged at {_MANIFEST}: {fault}") from fault
     # The bytes must be what the content would be written as: so a changed bit shows.

@@ -94,7 +94,7 @@ class LocalServer:
             sender = asyncio.create_task(self._send(client, writer, watch=watch))
             while line := await asyncio.wait_for(reader.readline(), None if watch else _IDLE_S):
                 client.take(line)
-        except (TimeoutError, ConnectionError, ValueError, Flooded, asyncio.CancelledError):
+        except (TimeoutError, ConnectionError, ValueError, RecursionError, Flooded, asyncio.CancelledError):
             pass  # all of them end the connection
         finally:
             if sender is not None:
