@@ -17,7 +17,7 @@ from mutation.campaign import read_results, run_all
 from mutation.mutant import Change
 from mutation.operators import mutants
 from mutation.record import FOLDER_VARIABLE, PART_VARIABLE
-from mutation.trial import FOUND, Trial
+from mutation.trial import FOUND, Fate, Trial
 
 BUILD = ROOT / "build" / "mutation"
 
@@ -218,7 +218,9 @@ def _show(arguments: argparse.Namespace, chosen: dict[str, list[Change]]) -> int
         lost += [
             trials[change.name]
             for change in changes
-            if change.name in trials and trials[change.name].fate not in FOUND and change.name not in argued
+            if change.name in trials
+            and trials[change.name].fate not in {*FOUND, Fate.STALE}
+            and change.name not in argued
         ]
     for trial in lost:
         mark = "SEVERE " if trial.severe else ""

@@ -40,8 +40,8 @@ def branches(folder: Path) -> tuple[dict[str, dict[str, Any]], dict[str, list[li
         row, counts = rows[area_of(file)], found["summary"]
         row["branches"] += counts["num_branches"]
         row["covered"] += counts["covered_branches"]
-        if found["missing_branches"] or found["missing_lines"]:
-            missing[file] = [*found["missing_branches"], *([line] for line in found["missing_lines"])]
+        if found["missing_branches"]:
+            missing[file] = found["missing_branches"]
     return rows, missing
 
 

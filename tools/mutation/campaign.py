@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mutation.mutant import Change
+from mutation.operators import is_program
 from mutation.private_tree import PrivateTree
 from mutation.selection import Selection
 from mutation.trial import Fate, Trial
@@ -56,7 +57,9 @@ class Worker:
         order = list(dict.fromkeys([*first, *chosen]))
         tests = list(self._selection.within(order, budget_s)) if not change.tests else order
         with self.tree.changed(change) as text:
-            if not tests:
+            if not is_program(change.file, text):
+                fate, by = Fate.STALE, ""
+            elif not tests:
                 fate, by = Fate.UNCOVERED, ""
             else:
                 fate, by = self._run(change, text, tests, 20.0 + 2.0 * budget_s)

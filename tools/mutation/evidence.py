@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mutation.mutant import Change
-from mutation.trial import FOUND, Trial
+from mutation.trial import FOUND, Fate, Trial
 
 ARGUED: Final = "tests/planted/argued.toml"
 EVIDENCE: Final = "docs/evidence/mutation.json"
@@ -26,7 +26,11 @@ def summary(
     area: str, changes: Iterable[Change], trials: Mapping[str, Trial], argued: Mapping[str, str]
 ) -> dict[str, Any]:
     """Counts of one area; an argued mutant counts neither as killed nor as survived."""
-    tried = [(change, trials[change.name]) for change in changes if change.name in trials]
+    tried = [
+        (change, trials[change.name])
+        for change in changes
+        if change.name in trials and trials[change.name].fate is not Fate.STALE
+    ]
     killed = [change for change, trial in tried if trial.fate in FOUND]
     excused = [change for change, trial in tried if trial.fate not in FOUND and change.name in argued]
     severe = [change for change, _ in tried if change.severe and change not in excused]

@@ -124,7 +124,8 @@ class Recorder:
         return f"{FIXTURE}{fixturedef.baseid}::{fixturedef.argname}"
 
 
-def pytest_configure(config: pytest.Config) -> None:
+@pytest.hookimpl(tryfirst=True)
+def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
     """Begin before the tests' conftest imports the product."""
     recorder = Recorder(Path(os.environ[FOLDER_VARIABLE]), os.environ[PART_VARIABLE])
-    config.pluginmanager.register(recorder, "coverage recorder")
+    early_config.pluginmanager.register(recorder, "coverage recorder")

@@ -14,7 +14,7 @@ class Fate(StrEnum):
     TIMEOUT = "timeout"  # counts as killed: whoever runs the tests sees them hang
     SURVIVED = "survived"
     UNCOVERED = "uncovered"  # counts as survived: no test runs the line
-    STALE = "stale"  # the text of a planted bug is not found exactly once
+    STALE = "stale"  # no program: counts nowhere
 
 
 FOUND = frozenset({Fate.KILLED, Fate.TIMEOUT})
