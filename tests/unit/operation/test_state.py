@@ -1,0 +1,200 @@
+"""What stays of a machine between runs, and what a person does with it while it is off: status, reset, zero."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.image import DriveState
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.operation import opening, state
+from gantryctl.operation.brake_policy import brake_words, locked_code
+from gantryctl.operation.run import AxisRun
+from gantryctl.operation.state import (
+    encoder_report,
+    machine_status,
+    read_retained,
+    reset_machine,
+    reset_simulation,
+    set_encoder_zero,
+)
+from gantryctl.operation.store import StateStore
+from gantryctl.program import Code, Reaction
+from gantryctl.runtime import Retained
+
+MACHINE = with_values(default_machine(), {"drive.kind": "ideal"})
+COUNTS_PER_TURN, RATIO, TURNS = 4_194_304, 1144, 4096
+COUNTS_PER_DEG = 13_328_565.6  # 4 194 304 x 1144 / 360
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+    return tmp_path
+
+
+def kept(**values: Any) -> Retained:
+    """A machine that has run, with these values in its memory."""
+    reset_simulation(MACHINE, 10.0)
+    with StateStore(MACHINE) as store:
+        retained = store.load_retained()
+        assert retained is not None
+        store.store_retained(replace(retained, **values))
+    return retained
+
+
+def memory(machine: Machine = MACHINE) -> Retained:
+    retained = read_retained(machine)
+    assert retained is not None
+    return retained
+
+
+def test_a_run_adds_to_what_earlier_runs_have_counted() -> None:
+    kept(power_ups=3, moves=20, travelled_rad=2.0, emergency_brake_stops=7, emergency_brake_energy_j=500.0)
+    with StateStore(MACHINE) as store:
+        run = AxisRun(MACHINE, store)
+        run.move(16.0, 6.0)
+        run.power_down()
+        run.close("done")
+    after = memory()
+    assert (after.power_ups, after.moves, after.emergency_brake_stops) == (4, 21, 7)
+    assert after.emergency_brake_energy_j == 500.0
+    # 6 deg are 0.10472 rad.
+    assert after.travelled_rad == pytest.approx(2.10472, abs=1e-4)
+    assert after.last_result == "done"
+    assert machine_status(MACHINE).angle_deg == pytest.approx(16.0, abs=0.005)
+
+
+def test_a_stop_by_the_brake_is_one_more() -> None:
+    kept(emergency_brake_stops=7)
+    with StateStore(MACHINE) as store:
+        run = AxisRun(MACHINE, store)
+        run.power_up()
+        run.begin_move(100.0, 6.0)
+        run.follow(2.5)
+        run.axis.alarms.raise_(Code.CTL_05, Reaction.TORQUE_OFF, measured=1.0, command=2.0, limit=0.5)
+        with pytest.raises(AlarmStop):
+            run.follow(1.0)
+        run.close("stopped")
+    assert memory().emergency_brake_stops == 8
+    assert memory().error_stop == "CTL-05"
+    assert machine_status(MACHINE).condition.startswith("stopped by alarm CTL-05")
+
+
+@contextmanager
+def enabled_elsewhere(machine: Machine, store: StateStore) -> Iterator[opening.OpenMachine]:
+    """As it is found while another controller runs the drive."""
+    with opening.read_only(machine, store) as found:
+        yield found._replace(feedback=found.feedback._replace(state=DriveState.OPERATION_ENABLED))
+
+
+def test_no_zero_is_set_while_another_controller_runs_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = replace(kept(), last_result=memory().last_result)
+    monkeypatch.setattr(state, "read_only", enabled_elsewhere)
+    with pytest.raises(CommandRefused, match="the drive is enabled"):
+        set_encoder_zero(MACHINE, 12.0, "mark 7")
+    assert memory() == before
+
+
+@pytest.mark.parametrize("lead_deg", [0.0, 0.25, -0.25])
+def test_the_zero_lies_where_map_and_angle_put_it(monkeypatch: pytest.MonkeyPatch, lead_deg: float) -> None:
+    kept()
+    monkeypatch.setattr(state, "lead_deg", lambda machine, angle_deg: lead_deg)
+    set_encoder_zero(MACHINE, 12.0, " mark 7 ")
+    retained = memory()
+    assert retained.rest_position_counts is not None
+    assert retained.zero_offset_counts is not None
+    # The motor stands at 12 deg and what it leads the load by.
+    way = (retained.rest_position_counts - retained.zero_offset_counts) % (COUNTS_PER_TURN * TURNS)
+    assert way == pytest.approx((12.0 + lead_deg) * COUNTS_PER_DEG, abs=20.0)
+    assert retained.zero_witness == "mark 7"
+    assert retained.previous_offset_counts is not None
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "witness", "said"),
+    [
+        (200.0, "mark", "--angle 200"),
+        (0.0, "  ", "--witness: say"),
+        (0.0, "a\nb", "one line"),
+        (0.0, "a" * 201, "200"),
+    ],
+)
+def test_a_zero_needs_an_angle_between_the_stops_and_a_witness(
+    angle_deg: float, witness: str, said: str
+) -> None:
+    kept()
+    with pytest.raises(UsageError, match=said):
+        set_encoder_zero(MACHINE, angle_deg, witness)
+
+
+def test_a_zero_whose_range_would_wrap_in_the_travel_is_not_stored() -> None:
+    # 2048 turns are 644.5 deg: 142.2 beside the travel. What stands at 10 deg and is called 170 moves the range by 160.
+    short = with_values(MACHINE, {"encoder.turns": 2048, "plant.encoder.mounting_turns": 1024})
+    reset_simulation(short, 10.0)
+    before = memory(short)
+    with pytest.raises(CommandRefused, match=r"wraps -17\.8 deg from the travel"):
+        set_encoder_zero(short, 170.0, "mark")
+    assert memory(short) == before
+
+
+def test_a_reset_makes_no_reading_valid() -> None:
+    kept(rest_position_counts=None, error_stop="CTL-03")
+    with pytest.raises(CommandRefused, match="rest position"):
+        reset_machine(MACHINE)
+    assert memory().error_stop == "CTL-03"
+
+
+def test_a_reset_says_what_it_acknowledged_and_does_it_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state, "operator_name", lambda: "ana")
+    retained = kept(doubted_by="ENC-01", brake_failed="slipped at 40 N m", error_stop="ENC-01")
+    moved = int(0.8 * COUNTS_PER_DEG)
+    with StateStore(MACHINE) as store:
+        loaded = store.load_retained()
+        assert loaded is not None
+        assert retained.rest_position_counts is not None
+        store.store_retained(replace(loaded, rest_position_counts=retained.rest_position_counts - moved))
+    status = machine_status(MACHINE)
+    assert status.angle_deg is None
+    assert status.encoder.startswith("in doubt since ENC-01")
+    assert status.condition == "stopped by alarm ENC-01; `gantryctl explain ENC-01`, only service resets it"
+    done = reset_machine(MACHINE)
+    assert "ENC-09 acknowledged by ana: moved +0.800 deg while off" in done
+    assert "ENC-01 acknowledged by ana; the axis stays without power" in done
+    assert "the encoder's angle of 10.000 deg is accepted by ana" in done
+    assert "BRK-08 acknowledged by ana: slipped at 40 N m" in done
+    after = memory()
+    assert (after.doubted_by, after.brake_failed, after.error_stop) == ("", "", "")
+    assert after.rest_position_counts == retained.rest_position_counts
+    assert after.alarms[-1].code == "ENC-09"
+    assert machine_status(MACHINE).angle_deg == pytest.approx(10.0, abs=1e-3)
+    assert reset_machine(MACHINE) == "nothing to reset"
+
+
+def test_the_encoder_is_reported_with_its_margins() -> None:
+    kept()
+    rows = dict(encoder_report(MACHINE).rows())
+    # 4096 turns of 0.31469 deg are 1288.95; 360 of travel leave 928.95, centred.
+    assert rows["wrap margin"] == "464.5 deg below the travel, 464.5 deg above"
+    assert rows["angle"] == "10.00000 deg"
+    assert rows["moved while off"] == "+0.00000 deg"
+
+
+NOW = datetime(2026, 11, 23, tzinfo=UTC)
+
+
+def test_a_failed_brake_is_told_first_and_locks() -> None:
+    failed = replace(kept(), brake_failed="slipped", brake_tested_at="2026-11-20T10:00:00Z")
+    assert brake_words(MACHINE, failed, NOW) == "failed 2026-11-20T10:00:00Z: slipped"
+    assert locked_code(failed) == "BRK-08"
+    assert locked_code(None) == ""
+    assert locked_code(replace(failed, brake_failed="")) == ""
+    assert locked_code(replace(failed, error_stop="ENC-01")) == "ENC-01"
+    assert locked_code(replace(failed, error_stop="CTL-03", brake_failed="")) == ""
