@@ -271,11 +271,13 @@ def shaft_deg_s(bench: Bench) -> float:
 
 
 @pytest.mark.parametrize(
-    ("direction", "spoil"), [(-1.0, "nothing"), (1.0, "a missing telegram"), (-1.0, "a full queue")]
+    ("direction", "spoil"),
+    [(0.0, "nothing"), (-1.0, "nothing"), (1.0, "a missing telegram"), (-1.0, "a full queue")],
 )
 def test_the_bus_is_left_when_the_shaft_stands_and_the_brake_is_closed(direction: float, spoil: str) -> None:
     bench = Bench().open().enable()
-    bench.ramp_to(1.0) if direction > 0.0 else [bench.scan(ENABLE, -k / 500.0) for k in range(500)]
+    for k in range(1, 501):
+        bench.scan(ENABLE, direction * k / 500.0)
     assert shaft_deg_s(bench) == pytest.approx(direction, abs=0.1)
     if spoil == "a missing telegram":
         bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=3)
@@ -294,6 +296,17 @@ def test_the_bus_is_left_when_the_shaft_stands_and_the_brake_is_closed(direction
     assert (brake_open, state) == (False, "SWITCH_ON_DISABLED")
     # 0.02 rad/s of the motor.
     assert speed_deg_s <= 0.0011
+
+
+def test_a_drive_that_is_lost_keeps_its_watch() -> None:
+    bench = Bench().open().enable()
+    bench.inject("silence")
+    bench.run(0.2)
+    sent = spied(bench)
+    bench.drive.close()
+    # Not even asked to leave OPERATIONAL.
+    assert (NMT, bytes.fromhex("80 02")) not in sent
+    assert bench.virtual.od.number(0x1016, 1) != 0
 
 
 def test_a_drive_that_does_not_show_torque_off_keeps_its_watch() -> None:

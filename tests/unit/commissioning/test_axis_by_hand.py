@@ -1,0 +1,210 @@
+"""The axis without a position loop, by hand: a drive of a few lines does what is written down."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning.results import Figure, Outcome, judged
+from gantryctl.commissioning.watch import Halt, StepStopped
+from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.image import DriveFeedback, DriveRequest, DriveState, LinkFlag
+from gantryctl.operation.client import Stop
+from unit.commissioning.hand_drive import (
+    COUNTS_PER_DEG,
+    PERIOD_S,
+    HandDrive,
+    axis_of,
+)
+
+pytestmark = pytest.mark.can
+
+ENABLE, S = DriveRequest.ENABLE, DriveState
+
+
+def enabled(**what: Any) -> tuple[HandDrive, Any]:
+    drive = HandDrive(**what)
+    axis = axis_of(drive, what.pop("leash_deg", 10.0))
+    axis.enable()
+    return drive, axis
+
+
+# --- the axis without a position loop ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_leash_holds_both_ways(direction: float) -> None:
+    drive = HandDrive()
+    axis = axis_of(drive, 0.05)
+    axis.enable()
+    with pytest.raises(AlarmStop, match=r"0\.05 deg were allowed"):
+        axis.run(1.0, speed_deg_s=direction * 0.2)
+    # 0.05 deg at 0.2 deg/s are 0.25 s, and one scan of 4 ms more.
+    assert 0.05 < abs(drive.deg) < 0.0518
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ({"way": -1.0, "shown": -1.0}, "were commanded|are commanded"),
+        ({"way": -1.0, "shown": 1.0}, "were commanded"),
+        ({"way": 0.0}, "were commanded|are commanded"),
+        ({"way": 1.5, "shown": 1.0}, "were commanded"),
+        ({"way": 0.5, "shown": 1.0}, "were commanded"),
+    ],
+)
+def test_an_axis_that_does_not_follow_is_stopped(
+    direction: float, what: dict[str, float], words: str
+) -> None:
+    """0.05 deg and 0.15 s behind are allowed: at 0.3 deg/s 0.095 deg, which half the speed makes within 0.64 s."""
+    drive, axis = enabled(**what)
+    with pytest.raises(AlarmStop, match=words):
+        axis.run(2.0, speed_deg_s=direction * 0.3)
+    assert drive.state is S.SWITCH_ON_DISABLED
+
+
+@pytest.mark.parametrize("shown_deg_s", [0.95, -0.65])
+def test_a_speed_outside_of_the_band_is_stopped_on_either_side(shown_deg_s: float) -> None:
+    """0.5 deg/s beside the commanded 0.3 deg/s, for five scans (20 ms)."""
+    drive, axis = enabled()
+    axis.run(0.1, speed_deg_s=0.3)
+    vel = math.radians(shown_deg_s) * 1144
+    drive.spoil = lambda seen: seen._replace(vel_act_rad_s=vel)
+    axis.run(5 * PERIOD_S, speed_deg_s=0.3)
+    with pytest.raises(AlarmStop, match=r"0\.300 deg/s are commanded"):
+        axis.run(PERIOD_S, speed_deg_s=0.3)
+
+
+def test_an_axis_that_follows_goes_on() -> None:
+    _, axis = enabled()
+    for speed in (0.3, -0.3):
+        axis.ramp_to(speed, 1.0)
+        axis.run(1.0, speed_deg_s=speed)
+    # 0.3 deg/s for a second, and half of the ramps of 0.3 s up and 0.6 s through 0.
+    assert axis.angle_deg == pytest.approx(0.045 + 0.3 + 0.0 - 0.3, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("changes", "stops"),
+    [
+        ({}, False),
+        ({"link": LinkFlag.LATE, "age_scans": 7}, False),
+        ({"age_scans": 8}, True),
+        ({"inputs_age_scans": 8}, True),
+        ({"link": LinkFlag.SYNC_JITTER}, False),
+        ({"link": LinkFlag.IO_LOST}, True),
+        ({"link": LinkFlag.OTHER_MASTER}, True),
+        ({"link": LinkFlag.TWO_SENDERS}, True),
+        ({"pos_act_counts": math.nan}, True),
+    ],
+)
+def test_a_disturbed_connection_ends_a_proof(changes: dict[str, Any], stops: bool) -> None:
+    """A telegram is bridged for 30 ms, 7.5 scans."""
+    drive, axis = enabled()
+    drive.spoil = lambda seen: seen._replace(**changes)
+    if stops:
+        with pytest.raises(AlarmStop):
+            axis.scan(ENABLE)
+    else:
+        axis.scan(ENABLE)
+    assert drive.wrote[-1].request is (DriveRequest.DISABLE if stops else ENABLE)
+
+
+@pytest.mark.parametrize(
+    ("changes", "confirmed"),
+    [
+        ({}, True),
+        ({"brake_open": True}, False),
+        ({"state": S.UNKNOWN}, False),
+        ({"state": S.OPERATION_ENABLED}, False),
+        ({"state": S.FAULT_REACTION_ACTIVE}, False),
+        ({"age_scans": 1}, False),
+        ({"inputs_age_scans": 1}, False),
+        ({"link": LinkFlag.HEARTBEAT_LOST}, False),
+    ],
+)
+def test_torque_off_and_brake_are_confirmed_by_what_the_drive_shows_now(
+    changes: dict[str, Any], confirmed: bool
+) -> None:
+    drive, axis = enabled()
+    drive.spoil = lambda seen: seen._replace(**changes)
+    text = axis.break_off()
+    assert ("press the emergency stop" in text) is not confirmed
+    # Said in every scan, not once: a telegram may be lost.
+    assert {output.request for output in drive.wrote[-20:]} == {DriveRequest.DISABLE}
+    assert not any(output.brake_open for output in drive.wrote[-20:])
+
+
+def test_a_gantry_that_turns_on_is_not_said_to_be_off() -> None:
+    drive, axis = enabled()
+    turned = [0]
+
+    def turning(seen: DriveFeedback) -> DriveFeedback:
+        # 0.1 deg/s.
+        turned[0] += round(0.1 * PERIOD_S * COUNTS_PER_DEG)
+        return seen._replace(pos_act_counts=turned[0])
+
+    drive.spoil = turning
+    assert "press the emergency stop" in axis.break_off()
+
+
+def test_the_brake_is_closed_before_the_torque_goes_off() -> None:
+    drive, axis = enabled()
+    drive.wrote.clear()
+    axis.disable()
+    told = [(output.request, output.brake_open) for output in drive.wrote]
+    assert told[:2] == [(ENABLE, False)] * 2
+    assert set(told[2:]) == {(DriveRequest.DISABLE, False)}
+    assert len(told) == 2 + 150
+
+
+def test_a_fault_counts_as_reset_when_the_drive_is_back() -> None:
+    drive = HandDrive()
+    axis = axis_of(drive)
+    drive.spoil = lambda seen: seen._replace(state=S.FAULT, error_code=0x8130)
+    with pytest.raises(DeviceError, match="8130h"):
+        axis.reset()
+    drive.spoil = lambda seen: seen
+    axis.reset()
+
+
+def test_a_bit_12_that_is_always_1_is_told() -> None:
+    drive = HandDrive()
+    drive.settings.follows_bit, drive.process.statusword = True, 0x1240
+    axis = axis_of(drive)
+    axis.run(4 * PERIOD_S, DriveRequest.DISABLE)
+    with pytest.raises(AlarmStop, match="bit 12"):
+        axis.run(PERIOD_S, DriveRequest.DISABLE)
+    # Enabled it is what it should be.
+    axis = axis_of(drive)
+    axis.enable()
+    axis.run(0.1)
+
+
+def test_a_person_ends_it_and_a_drive_that_was_lost_is_started_to_be_told() -> None:
+    halt, drive = Halt(), HandDrive()
+    axis = axis_of(drive, halt=halt)
+    axis.enable()
+    drive.lost = True
+    halt.ask(Stop.RAMP, "stopped by anna")
+    with pytest.raises(StepStopped, match="stopped by anna"):
+        axis.scan(ENABLE)
+    assert not drive.lost
+    assert drive.state is S.SWITCH_ON_DISABLED
+
+
+# --- figures ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ok", "first", "second", "passes"),
+    [(True, 1.0, 1.0, True), (False, 1.0, 1.0, False), (True, 2.0, 1.0, False), (True, 1.0, 2.0, False)],
+)
+def test_a_step_passes_by_its_proof_and_by_every_figure(
+    ok: bool, first: float, second: float, passes: bool
+) -> None:
+    found = judged(ok, "k", "", "", a=Figure(first, high=1.5), b=Figure(second, high=1.5))
+    assert (found.outcome is Outcome.PASSED) is passes

@@ -1,0 +1,199 @@
+"""What counts as proven, by hand: whose proofs, which steps, and when the machine may move by its record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult
+from gantryctl.commissioning import run as commissioning_run
+from gantryctl.commissioning.results import Figure
+from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
+from gantryctl.commissioning.watch import Halt, StepStopped
+from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.machine import configs_folder, load_machine
+from gantryctl.operation.client import Stop
+from gantryctl.operation.ledger import Standing
+from gantryctl.operation.ledger.rows import RAMP_DEG_S2
+from gantryctl.operation.proofs import load_record, record_path
+from gantryctl.operation.store import StateStore
+
+pytestmark = pytest.mark.can
+
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
+ALL_PASSED = {each.key: StepResult(each.key, Outcome.PASSED, "") for each in STEPS}
+P, F, N = Outcome.PASSED, Outcome.FAILED, Outcome.NOT_TESTABLE
+
+
+def step(key: str, outcome: Outcome = P, **changes: Any) -> Step:
+    return Step(key, key, "", "", lambda c: StepResult(key, outcome, ""), **changes)
+
+
+A, B, MAY = step("a"), step("b"), step("c", required=False)
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "whole"),
+    [
+        ({}, False), ({"a": P}, False), ({"b": P}, False), ({"a": P, "b": P}, True), ({"a": P, "b": N}, True),
+        ({"a": P, "b": F}, False), ({"a": F, "b": P}, False), ({"a": P, "b": P, "c": F}, True),
+    ],
+)  # fmt: skip
+def test_every_required_step_must_have_passed_or_not_be_testable(
+    outcomes: dict[str, Outcome], whole: bool
+) -> None:
+    results = {key: StepResult(key, outcome, "") for key, outcome in outcomes.items()}
+    assert complete(results, (A, B, MAY)) is whole
+
+
+@pytest.mark.parametrize(
+    ("standing", "needed"), [(Standing.OBJECT, False), (Standing.PROVEN, True), (Standing.MADE_UP, True)]
+)
+def test_a_step_for_a_lack_is_left_out_only_where_the_drive_has_the_object(
+    standing: Standing, needed: bool
+) -> None:
+    makes_up = {each.makes_up for each in STEPS if each.makes_up}
+    assert len(makes_up) == 2
+    for what in makes_up:
+        rows: Any = [SimpleNamespace(what=what, standing=standing)]
+        found = {each.makes_up for each in steps_for(rows)}
+        assert (what in found) is needed
+        assert makes_up - {what} <= found
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Iterator[Callable[..., Commissioning]]:
+    store = StateStore(MACHINE, tmp_path)
+    with store:
+        asked: list[str] = []
+
+        def make(answers: Callable[[Step], bool] = lambda each: True) -> Commissioning:
+            def confirm(each: Step) -> bool:
+                asked.append(each.key)
+                return answers(each)
+
+            work = Commissioning(MACHINE, store, tmp_path, lambda line: None, confirm)
+            work.asked = asked  # type: ignore[attr-defined]
+            return work
+
+        yield make
+
+
+@pytest.mark.parametrize(
+    ("drive", "keeps"),
+    [
+        (("key", "1.0", ("3 n",)), True), (("other", "1.0", ("3 n",)), False), (("key", "1.1", ("3 n",)), False),
+        (("key", "1.0", ("3 m",)), False), (("key", "1.0", ()), False),
+    ],
+)  # fmt: skip
+def test_proofs_are_of_one_drive_with_one_software_and_its_nodes(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch, drive: tuple[Any, ...], keeps: bool
+) -> None:
+    monkeypatch.setattr(commissioning_run, "known_of_model", lambda machine, facts: ())
+    monkeypatch.setattr(commissioning_run, "ledger_reasons", lambda machine, rows: ())
+    work = made()
+    for key, software, nodes in (("key", "1.0", ("3 n",)), drive):
+        found = SimpleNamespace(key=key, software=software), nodes
+        monkeypatch.setattr(work, "_set_up", lambda found=found: found)
+        before = dict(work.progress.results)
+        work.start(again=False)
+        if not before:
+            work.do(A)
+    assert bool(work.progress.results) is keeps
+    assert (work.progress.drive, work.progress.software, work.progress.nodes) == drive
+    # What the ledger refuses begins no step.
+    reasons = (SimpleNamespace(text="lacks everything"),)
+    monkeypatch.setattr(commissioning_run, "ledger_reasons", lambda machine, rows: reasons)
+    with pytest.raises(CommandRefused, match="lacks everything"):
+        work.start(again=False)
+
+
+def test_who_agreed_to_little_is_asked_before_more(made: Callable[..., Commissioning]) -> None:
+    work = made(lambda each: each.key != "far")
+    near, far = step("near", reach=Reach.STANDSTILL), step("far", reach=Reach.TRAVEL)
+    for each in (A, near, near, far, step("turn", reach=Reach.TRAVEL)):
+        result = work.do(each)
+        assert (result is None) is (each is far)
+    assert work.asked == ["near", "far", "turn"]  # type: ignore[attr-defined]
+    assert "far" not in work.progress.results
+
+
+def raising(fault: Exception) -> Callable[[Any], StepResult]:
+    def run(_: Any) -> StepResult:
+        raise fault
+
+    return run
+
+
+def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_not(
+    made: Callable[..., Commissioning],
+) -> None:
+    work = made()
+    record = work.record()
+    assert record == record_path(work.store.directory, MACHINE)
+    work.do(A)
+    assert record.exists()
+    stopped = Halt()
+    stopped.ask(Stop.RAMP, "stopped by anna")
+    with pytest.raises(StepStopped, match="stopped by anna"):
+        work.do(Step("a", "", "", "", raising(AlarmStop("turned"))), stopped)
+    assert record.exists()
+    assert work.progress.results["a"].outcome is P
+    for failing in (step("a", F), Step("a", "", "", "", raising(AlarmStop("turned")))):
+        work.record()
+        result = work.do(failing)
+        assert result is not None
+        assert result.outcome is F
+        assert not record.exists()
+
+
+def test_the_record_names_what_has_passed_and_what_it_has_measured(
+    made: Callable[..., Commissioning],
+) -> None:
+    work = made()
+    for each in (A, step("b", F), step("c", N)):
+        work.do(each)
+    for outcome, measured in ((F, {}), (P, {RAMP_DEG_S2: 3.0})):
+        result = StepResult("ramp", outcome, "", {RAMP_DEG_S2: Figure(3.0)})
+        work.do(Step("ramp", "", "", "", lambda c, result=result: result))
+        record = load_record(work.record())
+        assert record is not None
+        assert record.measured == measured
+    assert set(record.steps) == {"a", "ramp"}
+    # A step that has failed is left, and so is one that nobody has done.
+    left = {each.key for each in work.left()}
+    assert {"identity", "sign"} <= left
+    work.do(step("identity"))
+    work.do(step("sign", F))
+    left = {each.key for each in work.left()}
+    assert "identity" not in left
+    assert "sign" in left
+
+
+def test_a_machine_with_an_open_row_is_not_complete(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = made()
+    work.progress = replace(work.progress, results=ALL_PASSED)
+    for rows in ((), (SimpleNamespace(text="open"),)):
+        monkeypatch.setattr(commissioning_run, "unproven", lambda ledger, rows=rows: rows)
+        assert work.complete is not bool(rows)
+
+
+def test_other_gains_take_away_the_record_and_every_proof_from_the_sign_on(
+    made: Callable[..., Commissioning],
+) -> None:
+    work = made()
+    work.progress = replace(work.progress, results=ALL_PASSED)
+    work.do(A)
+    record = work.record()
+    void_control_proofs(MACHINE, work.store)
+    assert not record.exists()
+    kept = set(made().progress.results)
+    assert {"identity", "silence", "brake", "torque"} <= kept
+    assert not kept & {"sign", "velocity", "ring", "ramp", "loop", "stops", "turn", "bands"}

@@ -1,0 +1,329 @@
+"""Steps of commissioning by hand: a drive of a few lines does what is written down, and the verdict is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning import steps_lacks, steps_motion, steps_power, steps_sign
+from gantryctl.commissioning.load_side.ring import _judged, _Standing, zero_proposed
+from gantryctl.commissioning.results import Figure, Outcome, StepResult
+from gantryctl.drives.od.verdicts import ParameterVerdict
+from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.machine import with_values
+from gantryctl.operation.ledger.rows import TORQUE_LIMIT_NM
+from gantryctl.wiring.program import untestable
+from unit.commissioning.hand_drive import (
+    COUNTS_PER_DEG,
+    MACHINE,
+    PERIOD_S,
+    HandDrive,
+    axis_of,
+    context,
+    opens,
+)
+
+pytestmark = pytest.mark.can
+
+ENABLE, S = DriveRequest.ENABLE, DriveState
+
+
+# --- sign and speed ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def step(monkeypatch: pytest.MonkeyPatch) -> Callable[..., StepResult]:
+    def run(module: Any, function: str, drive: HandDrive, **results: StepResult) -> StepResult:
+        monkeypatch.setattr(module, "open_loop_axis", opens(drive))
+        machine = getattr(drive, "machine", MACHINE)
+        found: StepResult = getattr(module, function)(context(machine, **results))
+        return found
+
+    return run
+
+
+def sign_drive(way: float = 1.0, shown: float = 1.0, *, torque_nm: float = 128.0) -> HandDrive:
+    """It reaches the lowered limit of 6072 (half of 257 N m) as soon as it is pushed."""
+    drive = HandDrive(way=way, shown=shown)
+    drive.opened.rows[0].verdict = ParameterVerdict.OK
+    # At the end of the pulse 30 deg/s2 are asked for: the limit holds the motor where it is.
+    write = drive.write
+
+    def limited(output: Any) -> None:
+        write(output)
+        pushed = output.vel_cmd_rad_s < -math.radians(0.06) * 1144
+        drive.torque = -torque_nm if pushed else 0.0
+        if pushed:
+            drive.deg -= drive.speed * PERIOD_S
+            drive.speed = 0.0
+
+    drive.write = limited  # type: ignore[method-assign]
+    return drive
+
+
+@pytest.mark.parametrize(
+    ("way", "shown", "passes"),
+    [
+        (1.0, 1.0, True), (1.15, 0.85, True), (-1.0, -1.0, False), (-1.0, 1.0, False), (1.0, -1.0, False),
+        (1.3, 1.0, False), (0.7, 1.0, False), (1.0, 1.3, False), (1.0, 0.7, False), (0.01, 1.0, False),
+    ],
+)  # fmt: skip
+def test_the_sign_is_that_of_position_and_speed(step: Any, way: float, shown: float, passes: bool) -> None:
+    drive = sign_drive(way, shown)
+    found = step(steps_sign, "sign", drive)
+    assert (found.outcome is Outcome.PASSED) is passes, found.proof
+    assert found.number("ratio_position") == pytest.approx(way, abs=0.01)
+    assert found.number("ratio_speed") == pytest.approx(shown, abs=0.01)
+    # Only a drive that turned the right way was pushed: 0.06 deg/s is faster than any pulse.
+    pushed = any(output.vel_cmd_rad_s < -math.radians(0.06) * 1144 for output in drive.wrote)
+    assert pushed is passes
+    # Half of 257 N m in 0.257 N m, 0.6 deg/s in r/min of the motor (114.4), rounded up.
+    assert drive.sdo.values == {0x6072: 500, 0x6080: 115}
+
+
+@pytest.mark.parametrize(("torque_nm", "words"), [(100.0, ""), (0.0, ""), (160.0, "is not heeded")])
+def test_a_lowered_torque_limit_is_reached_and_not_passed(step: Any, torque_nm: float, words: str) -> None:
+    """128.5 N m; 0.9 of it must be reached, 1.15 of it not be passed."""
+    if words:
+        with pytest.raises(AlarmStop, match=words):
+            step(steps_sign, "sign", sign_drive(torque_nm=torque_nm))
+    else:
+        assert step(steps_sign, "sign", sign_drive(torque_nm=torque_nm)).outcome is Outcome.FAILED
+
+
+@pytest.mark.parametrize("index", [0x6072, 0x6080])
+def test_a_limit_that_is_not_lowered_ends_the_step_before_anything_moves(step: Any, index: int) -> None:
+    drive = sign_drive()
+    drive.sdo.keeps.add(index)
+    with pytest.raises(DeviceError, match=f"{index:04X} does not take"):
+        step(steps_sign, "sign", drive)
+    assert not drive.wrote
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_runaway_is_stopped_by_its_speed_both_ways(step: Any, direction: float) -> None:
+    """0.2 deg/s and no more."""
+    drive = sign_drive(direction * 20.0, direction * 20.0)
+    with pytest.raises(AlarmStop, match="are commanded"):
+        step(steps_sign, "sign", drive)
+    # 20 times the beginning of the pulse, until it asks for 0.01 deg/s.
+    assert abs(drive.deg) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("way", "passes"), [(1.0, True), (0.985, True), (1.015, True), (0.97, False), (1.03, False)]
+)
+def test_the_speed_is_right_within_two_percent(step: Any, way: float, passes: bool) -> None:
+    found = step(steps_power, "velocity", HandDrive(way=way, shown=way))
+    assert (found.outcome is Outcome.PASSED) is passes
+    assert found.number("speed_deg_s") == pytest.approx(way * 0.1, abs=1e-5)
+
+
+def test_a_speed_the_other_way_is_no_speed(step: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The monitors of the axis are off here: the figure alone has to refuse it."""
+    monkeypatch.setattr(
+        "gantryctl.commissioning.open_loop_axis.OpenLoopAxis._judge_following", lambda *_: None
+    )
+    assert step(steps_power, "velocity", HandDrive(way=-1.0, shown=-1.0)).outcome is Outcome.FAILED
+
+
+# --- brake ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("push", "slip_deg", "passes"),
+    [(1.0, 0.0, True), (0.3, 0.0, False), (1.0, 0.03, False), (1.0, -0.03, False)],
+)
+def test_the_brake_passes_by_the_torque_that_it_bore_without_slipping(
+    step: Any, push: float, slip_deg: float, passes: bool
+) -> None:
+    """70 N m both ways and less than 0.02 deg; the brake stays closed all the time."""
+    drive = HandDrive(push=push)
+    drive.spoil = lambda seen: seen._replace(
+        pos_act_counts=round(slip_deg * COUNTS_PER_DEG) if abs(seen.torque_act_nm) > 60.0 else 0
+    )
+    found = step(steps_power, "brake", drive)
+    assert (found.outcome is Outcome.PASSED) is passes, found.proof
+    assert not any(output.brake_open for output in drive.wrote)
+    # The torque is off before the drive is.
+    last = next(k for k, output in enumerate(drive.wrote) if output.request is DriveRequest.DISABLE)
+    assert abs(push * drive.wrote[last - 1].torque_ff_nm) < 3.0
+    if passes:
+        assert (found.number("plus_nm"), found.number("minus_nm")) == pytest.approx((70.0, -70.0), abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("owner", "preload", "testable"),
+    [
+        ("drive", True, False),
+        ("object_60FE", True, True),
+        ("controller_output", True, True),
+        ("object_60FE", False, False),
+    ],
+)
+def test_only_a_brake_that_the_controller_keeps_closed_is_tested(
+    owner: str, preload: bool, testable: bool
+) -> None:
+    changes = {"brake.owner": owner}
+    if owner == "controller_output":
+        changes |= {"can.outputs.brake_release": 16}
+    assert (untestable(with_values(MACHINE, changes), preload) is None) is testable
+
+
+# --- the torque limit of the maker's tool -----------------------------------------------------------------------------
+
+
+def braked(plus: float = 70.0, minus: float = -70.0, outcome: Outcome = Outcome.PASSED) -> StepResult:
+    return StepResult("brake", outcome, "", {"plus_nm": Figure(plus), "minus_nm": Figure(minus)})
+
+
+def limit_drive(**what: Any) -> HandDrive:
+    drive = HandDrive(**what)
+    drive.machine = with_values(MACHINE, {"can.torque_limit_in_drive_nm": 385.0})  # type: ignore[attr-defined]
+    return drive
+
+
+@pytest.mark.parametrize(
+    ("plus", "minus", "level_nm"), [(70.0, -70.0, 28.02), (70.0, -60.0, 22.02), (50.0, -70.0, 16.02)]
+)
+def test_the_push_is_a_part_of_what_the_brake_has_held(
+    step: Any, plus: float, minus: float, level_nm: float
+) -> None:
+    """0.6 of the weaker direction, less 15.99 kN m / 1144 = 13.98 N m of the load."""
+    drive = limit_drive()
+    found = step(steps_lacks, "torque", drive, brake=braked(plus, minus))
+    assert found.outcome is Outcome.PASSED, found.proof
+    asked = [output.torque_ff_nm for output in drive.wrote]
+    assert (max(asked), min(asked)) == pytest.approx((level_nm, -level_nm), abs=0.05)
+    assert found.number(TORQUE_LIMIT_NM) == pytest.approx(level_nm, abs=0.05)
+    assert not any(output.brake_open for output in drive.wrote)
+
+
+def test_a_push_that_gives_less_or_goes_against_an_unproven_brake_is_refused(step: Any) -> None:
+    assert step(steps_lacks, "torque", limit_drive(push=0.7), brake=braked()).outcome is Outcome.FAILED
+    drive = limit_drive()
+    assert step(steps_lacks, "torque", drive, brake=braked(outcome=Outcome.FAILED)).outcome is Outcome.FAILED
+    assert not drive.wrote
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_push_never_passes_the_limit_of_the_drive(direction: float) -> None:
+    drive = HandDrive(push=3.0)
+    with pytest.raises(AlarmStop, match="are the limit"):
+        steps_lacks._push(axis_of(drive, following=False), direction * 20.0, 30.0)
+    assert abs(drive.wrote[-1].torque_ff_nm) == 0.0
+
+
+# --- loop and bands ---------------------------------------------------------------------------------------------------
+
+
+class Recorded(dict[str, Any]):
+    """Columns of a trace."""
+
+
+@pytest.mark.parametrize(
+    ("error_deg", "done", "passes"),
+    [(0.01, True, True), (0.2, True, False), (-0.2, True, False), (0.01, False, False)],
+)
+def test_the_loop_follows_on_both_sides(
+    monkeypatch: pytest.MonkeyPatch, error_deg: float, done: bool, passes: bool
+) -> None:
+    import numpy as np
+
+    speeds = np.array([0.0, 0.0, 0.01, 0.01, 0.0, 0.0, 0.0, 0.0])
+    errors = np.radians(np.array([0.009, 0.009, error_deg, 0.0, 0.008, 0.008, 0.001, -0.002]))
+    trace = Recorded(vel_ref_rad_s=speeds, pos_err_rad=errors)
+    monkeypatch.setattr(steps_motion, "_move", lambda *_, **__: (trace, done))
+    found = steps_motion.loop(context())
+    assert (found.outcome is Outcome.PASSED) is passes
+    # The second half of the rest after the move.
+    assert found.number("rest_error_deg") == pytest.approx(0.002)
+    assert found.number("following_error_deg") == pytest.approx(max(abs(error_deg), 0.009))
+
+
+@pytest.mark.parametrize(
+    ("dones", "done"), [((True, True), True), ((True, False), False), ((False, True), False)]
+)
+def test_every_move_must_be_done(
+    monkeypatch: pytest.MonkeyPatch, dones: tuple[bool, ...], done: bool
+) -> None:
+    from contextlib import contextmanager
+
+    left = list(dones)
+    run = SimpleNamespace(angle_deg=10.0, move=lambda target, speed: SimpleNamespace(done=left.pop(0)))
+
+    @contextmanager
+    def recorded(c: object, part: str) -> Any:
+        yield run, SimpleNamespace(trace=Recorded)
+
+    monkeypatch.setattr(steps_motion, "_recorded_run", recorded)
+    assert steps_motion._move(context(), "", (1.0, 0.0), 0.6, by=True)[1] is done
+
+
+@pytest.mark.parametrize(
+    ("rest", "following", "passes"), [(0.0, 0.0, True), (1.0, 0.0, False), (0.0, 1.0, False)]
+)
+def test_bands_have_half_as_much_again(rest: float, following: float, passes: bool) -> None:
+    """1.4 and 1.6 in parts of what would just pass at 1.5."""
+    monitors = MACHINE.monitors
+    at_3 = monitors.following_error_base_deg + 3.0 * monitors.following_error_per_speed_s
+    results = {
+        "loop": StepResult(
+            "loop", Outcome.PASSED, "", {"rest_error_deg": Figure(monitors.in_position_window_deg / (1.6 - 0.2 * rest))}
+        ),
+        "turn": StepResult(
+            "turn", Outcome.PASSED, "",
+            {"following_error_deg": Figure(at_3 / (1.6 - 0.2 * following)), "speed_deg_s": Figure(3.0)},
+        ),
+    }  # fmt: skip
+    assert (steps_motion.bands(context(**results)).outcome is Outcome.PASSED) is passes
+    assert steps_motion.bands(context(loop=results["loop"])).outcome is Outcome.FAILED
+
+
+def test_a_stop_is_held_against_the_computed_one_and_60_ms() -> None:
+    figures: dict[str, Figure] = {}
+    steps_motion._add(context(), figures, "quick stop", 3.0, 1.0, 0.833)
+    assert figures["quick_stop_3_measured_deg"] == Figure(1.0, high=pytest.approx(1.013))
+    assert figures["quick_stop_3_computed_deg"] == Figure(0.833)
+
+
+# --- the ring ---------------------------------------------------------------------------------------------------------
+
+RING = with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encoder.node": 4})
+
+
+@pytest.mark.parametrize(
+    ("ring_deg", "passes", "words"),
+    [
+        ((10.0, 11.5, 10.0), True, "is proposed"),
+        ((370.0, 371.5, 370.0), True, "is proposed"),
+        ((10.0, 8.5, 10.0), False, "inverted"),
+        ((10.0, 11.55, 10.0), False, "counts_per_turn"),
+        ((10.0, 11.45, 10.0), False, "counts_per_turn"),
+        # Forward only; slip to either side; a zero that is off to either side by more than 0.025 deg.
+        ((10.0, 11.5, 11.5), False, "counts_per_turn"),
+        ((10.0, 11.51, 10.02), False, "counts_per_turn"),
+        ((10.0, 11.49, 9.98), False, "counts_per_turn"),
+        ((10.03, 11.53, 10.03), False, "is proposed"),
+        ((9.97, 11.47, 9.97), False, "is proposed"),
+        ((10.0, math.nan, 10.0), False, "counts_per_turn"),
+    ],
+)
+def test_the_ring_turns_with_the_motor(
+    ring_deg: tuple[float, float, float], passes: bool, words: str
+) -> None:
+    motor = (10.0, 11.5, 10.0)
+    found = _judged(RING, *(_Standing(m, r) for m, r in zip(motor, ring_deg, strict=True)))
+    assert (found.outcome is Outcome.PASSED) is passes
+    assert passes or words in found.to_do
+
+
+def test_the_proposed_zero_takes_the_difference_out() -> None:
+    """The ring shows 0.9 deg more than the motor: its zero lies 0.0025 of a turn higher."""
+    encoder = RING.can.load_encoder
+    assert zero_proposed(RING, 0.9) - encoder.zero_counts == round(0.0025 * encoder.counts_per_turn)

@@ -1,0 +1,225 @@
+"""Stops by the drive alone, by hand: ways, ramps, and what a silent controller's drive must show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning import steps_lacks, steps_motion
+from gantryctl.commissioning.results import Figure, Outcome, StepResult
+from gantryctl.commissioning.stopping import silence
+from gantryctl.commissioning.stopping.quick_stop import (
+    QuickStop,
+    computed_way_deg,
+    measure_quick_stop,
+    permitted_way_deg,
+)
+from gantryctl.drives.od.verdicts import ParameterVerdict
+from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.image import DriveRequest, DriveState
+from unit.commissioning.hand_drive import (
+    MACHINE,
+    PERIOD_S,
+    HandDrive,
+    axis_of,
+    context,
+    opens,
+)
+
+pytestmark = pytest.mark.can
+
+ENABLE, S = DriveRequest.ENABLE, DriveState
+
+
+def enabled(**what: Any) -> tuple[HandDrive, Any]:
+    drive = HandDrive(**what)
+    axis = axis_of(drive, what.pop("leash_deg", 10.0))
+    axis.enable()
+    return drive, axis
+
+
+@pytest.fixture
+def step(monkeypatch: pytest.MonkeyPatch) -> Callable[..., StepResult]:
+    def run(module: Any, function: str, drive: HandDrive, **results: StepResult) -> StepResult:
+        monkeypatch.setattr(module, "open_loop_axis", opens(drive))
+        machine = getattr(drive, "machine", MACHINE)
+        found: StepResult = getattr(module, function)(context(machine, **results))
+        return found
+
+    return run
+
+
+# --- quick stop -------------------------------------------------------------------------------------------------------
+
+
+def test_the_way_of_a_stop() -> None:
+    """v^2 / 2a: 36 / 10.8 deg from 6 deg/s; 60 ms of reaction, and 50 ms of silence, at 6 deg/s."""
+    assert computed_way_deg(6.0, 5.4) == pytest.approx(3.3333, abs=1e-4)
+    assert computed_way_deg(-6.0, 5.4, 0.05) == pytest.approx(3.6333, abs=1e-4)
+    assert permitted_way_deg(-6.0, 5.4) == pytest.approx(3.6933, abs=1e-4)
+    assert permitted_way_deg(6.0, 5.4, 0.05) == pytest.approx(3.9933, abs=1e-4)
+
+
+def stopped(speed: float, **what: Any) -> QuickStop:
+    _, axis = enabled(**what)
+    axis.ramp_to(speed, 5.0)
+    axis.run(0.1, speed_deg_s=speed)
+    return measure_quick_stop(axis, speed, 5.4)
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0, 3.0])
+@pytest.mark.parametrize("dec", [5.4, 8.0])
+def test_a_quick_stop_has_its_way_and_its_ramp(speed: float, dec: float) -> None:
+    seen = stopped(speed, quick_dec=dec)
+    assert seen.way_deg == pytest.approx(speed * speed / (2.0 * dec), abs=abs(speed) * PERIOD_S)
+    assert seen.dec_deg_s2 == pytest.approx(dec, rel=0.01)
+    # One scan in the 0.7 of the speed over which the ramp is fitted.
+    assert seen.uncertainty_deg_s2 == pytest.approx(dec * PERIOD_S / (0.7 * abs(speed) / dec), rel=0.02)
+
+
+@pytest.mark.parametrize("speed", [1.0, -3.0])
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ({"quick_dec": 2.0}, "is too long"),
+        ({"quick_dec": 0.0}, "is too long"),
+        ({"obeys": False}, "still operation enabled"),
+        ({"quick_state": S.SWITCH_ON_DISABLED}, "left its quick stop for switch on disabled"),
+        ({"quick_state": S.FAULT}, "left its quick stop for fault"),
+    ],
+)
+def test_a_quick_stop_that_is_none_is_broken_off(speed: float, what: dict[str, Any], words: str) -> None:
+    with pytest.raises(AlarmStop, match=words):
+        stopped(speed, **what)
+
+
+def test_a_ramp_of_three_scans_is_not_measured() -> None:
+    assert math.isnan(stopped(1.0, quick_dec=200.0).dec_deg_s2)
+
+
+@pytest.mark.parametrize(("dec", "passes"), [(5.4, True), (6.0, True), (7.0, False), (300.0, False)])
+def test_a_quick_stop_harder_than_the_checked_one_fails(
+    monkeypatch: pytest.MonkeyPatch, dec: float, passes: bool
+) -> None:
+    """1.15 times 5.4 deg/s2 and the uncertainty of the measurement."""
+    monkeypatch.setattr(steps_motion, "open_loop_axis", opens(HandDrive(quick_dec=dec)))
+    decs: list[float] = []
+    if passes:
+        what, measured, computed = steps_motion._quick_stop(context(), -3.0, decs)
+        assert (what, computed) == ("quick stop", pytest.approx(9.0 / 10.8, abs=1e-4))
+        assert measured == pytest.approx(9.0 / (2.0 * dec), abs=0.012)
+        assert decs == pytest.approx([dec], rel=0.01)
+    else:
+        with pytest.raises(AlarmStop, match="too hard"):
+            steps_motion._quick_stop(context(), 3.0, decs)
+        assert not decs
+
+
+def ramp_result(outcome: Outcome) -> StepResult:
+    return StepResult("ramp", outcome, "", {steps_motion.RAMP_DEG_S2: Figure(3.0)})
+
+
+def test_the_own_ramp_of_a_drive_counts_when_its_step_has_passed() -> None:
+    assert steps_motion._ramp_deg_s2(context()) == 5.4
+    assert steps_motion._ramp_deg_s2(context(ramp=ramp_result(Outcome.PASSED))) == 3.0
+    assert steps_motion._ramp_deg_s2(context(ramp=ramp_result(Outcome.FAILED))) == 5.4
+
+
+def test_a_watchdog_counts_when_its_step_has_passed() -> None:
+    def shown(outcome: Outcome) -> StepResult:
+        return StepResult("watchdog", outcome, "", {steps_motion.SILENT_STOP_S: Figure(0.1)})
+
+    assert steps_motion._watchdog_s(context(watchdog=shown(Outcome.PASSED))) == 0.1
+    for outcome in (Outcome.FAILED, Outcome.NOT_TESTABLE):
+        with pytest.raises(AlarmStop, match="has not passed"):
+            steps_motion._watchdog_s(context(watchdog=shown(outcome)))
+    with pytest.raises(AlarmStop, match="has not passed"):
+        steps_motion._watchdog_s(context())
+
+
+# From the slowest to the fastest; no uncertainty.
+@pytest.mark.parametrize(
+    ("seen", "hardest"),
+    [
+        (((0.3, 5.0),), 5.0),
+        (((0.3, 5.0), (0.6, 5.5), (1.0, 5.2)), 5.5),
+        # A ramp of a fixed time: from 6 deg/s ten times as hard as from 0.6.
+        (((0.3, 1.2), (0.6, 2.4)), 24.0),
+        (((0.3, 1.2), (0.6, 1.6)), 1.6),
+    ],
+)
+def test_the_ramp_to_be_expected_from_the_highest_speed(
+    seen: tuple[tuple[float, float], ...], hardest: float
+) -> None:
+    ramps = [steps_lacks._Ramp(speed, QuickStop(0.0, dec, 0.0)) for speed, dec in seen]
+    assert steps_lacks._at_top_deg_s2(ramps, 6.0) == pytest.approx(hardest)
+
+
+@pytest.mark.parametrize(
+    ("dec", "fits", "passes"), [(5.4, True, True), (5.4, False, False), (5.2, True, True), (5.0, True, False)]
+)
+def test_the_own_ramp_is_held_against_ratings_and_computed_stops(
+    step: Any, monkeypatch: pytest.MonkeyPatch, dec: float, fits: bool, passes: bool
+) -> None:
+    """At least 0.95 of 5.4 deg/s2, and none that motor or reducer do not bear from 6 deg/s."""
+    asked: list[float] = []
+
+    def worst(machine: object, kind: object, top: float, hardest: float) -> SimpleNamespace:
+        asked.append(hardest)
+        return SimpleNamespace(torque_motor_nm=1.0, torque_reducer_nm=1.0)
+
+    monkeypatch.setattr(steps_lacks, "worst_stop", worst)
+    monkeypatch.setattr(steps_lacks, "within_ratings", lambda machine, stop: fits)
+    drive = HandDrive(quick_dec=dec)
+    found = step(steps_lacks, "ramp", drive)
+    assert (found.outcome is Outcome.PASSED) is passes
+    assert len(asked) == (5 if fits else 1)
+    if fits:
+        assert found.number(steps_lacks.RAMP_DEG_S2) == pytest.approx(dec, rel=0.02)
+
+
+# --- silence ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", S)
+@pytest.mark.parametrize("brake_open", [True, False])
+@pytest.mark.parametrize("broken_off", ["", "still operation enabled"])
+def test_a_drive_has_stopped_when_it_is_off_and_braked_by_itself(
+    state: DriveState, brake_open: bool, broken_off: str
+) -> None:
+    seen = silence.SilentDrive(state=state, brake_open=brake_open, broken_off=broken_off)
+    assert seen.stopped is (state in (S.FAULT, S.SWITCH_ON_DISABLED) and not brake_open and not broken_off)
+
+
+def test_each_way_has_its_object_and_its_time() -> None:
+    settings = SimpleNamespace(rpdo_deadline_s=0.05, watch_s=0.15)
+    drive: Any = SimpleNamespace(opened=SimpleNamespace(settings=settings))
+    assert [(way.place, way.limit_s(drive)) for way in silence.Way] == [("1400:05", 0.05), ("1016:01", 0.15)]
+    rows = [
+        SimpleNamespace(place="1400:05", verdict=ParameterVerdict.ABSENT),
+        SimpleNamespace(place="1016:01", verdict=ParameterVerdict.OK),
+    ]
+    axis: Any = SimpleNamespace(drive=SimpleNamespace(opened=SimpleNamespace(rows=rows)))
+    assert silence.watched_ways(axis) == (silence.Way.HEARTBEAT,)
+
+
+@pytest.mark.parametrize(
+    ("contact", "state", "is_open"),
+    [
+        (True, S.FAULT, True), (False, S.FAULT, False), (False, S.OPERATION_ENABLED, False),
+        (None, S.FAULT, False), (None, S.OPERATION_ENABLED, True), (None, S.FAULT_REACTION_ACTIVE, True),
+        (DeviceError("no"), S.FAULT, True),
+    ],
+)  # fmt: skip
+def test_a_brake_is_closed_when_something_says_so(contact: Any, state: DriveState, is_open: bool) -> None:
+    def ask() -> Any:
+        if isinstance(contact, Exception):
+            raise contact
+        return contact
+
+    axis: Any = SimpleNamespace(drive=SimpleNamespace(beside=SimpleNamespace(ask_brake_contact=ask)))
+    assert silence._brake_open(axis, state) is is_open
