@@ -97,6 +97,7 @@ def test_lost_counts_are_drift(desk: Desk) -> None:
 def _line(day: int, **changes: Any) -> dict[str, Any]:
     line = {
         "kind": "day", "day": day, "machine_h": 24.0 * (day + 1), "stops": {}, "warnings": {}, "troubles": [],
+        "told": 0,
         "stuck": "",
         "drift_counts": 0.02, "memory": [(24.0 * day + 7.0 + h, 80.0) for h in range(16)], "journal_mb": 3.0,
     }  # fmt: skip
@@ -111,15 +112,21 @@ def _line(day: int, **changes: Any) -> dict[str, Any]:
         ("refusals, targets missed, days broken off", {"troubles": ["move refused"]}),
         ("refusals, targets missed, days broken off", {"stuck": "power does not come on"}),
         ("drift of the encoder", {"drift_counts": -1.0}),
-        ("memory", {"memory": [(130.0 + h, 80.0 + h) for h in range(200)]}),
         ("journal", {"journal_mb": 60.0}),
     ],
 )
 def test_each_criterion_fails_by_its_own_line(what: str, changes: dict[str, Any]) -> None:
-    sound = [{"kind": "soak"}, *(_line(day) for day in range(5))]
+    sound = [{"kind": "soak"}, *(_line(day) for day in range(12))]
     assert {each.passed for each in judge(sound)} == {True}
-    failed = {each.what for each in judge([*sound, _line(5, **changes)]) if each.passed is False}
+    failed = {each.what for each in judge([*sound, _line(12, **changes)]) if each.passed is False}
     assert failed == {what}
+
+
+def test_memory_that_grows_fails_and_a_short_soak_cannot_tell() -> None:
+    """0.05 MB a day are 2.1 MB in 1,000 h."""
+    grows = [_line(day, memory=[(24.0 * day + 7.0, 80.0 + 0.05 * day)]) for day in range(30)]
+    assert {each.what for each in judge(grows) if each.passed is False} == {"memory"}
+    assert [each.what for each in judge(grows[:5]) if each.passed is None] == ["memory"]
 
 
 def test_a_drifting_machine_stays_a_sound_one() -> None:

@@ -29,7 +29,10 @@ _USUAL_DEG: Final = (0.0, 30.0, 45.0, 60.0, 75.0, 90.0, 110.0, 135.0, 150.0, 180
 _FAR_DEG: Final = 179.9
 # deg: a load that stands farther from its target than this has not arrived; the verdict of issue 5.
 _ANGLE_MAX_DEG: Final = 0.1
-_DUE_POWER_UPS: Final = 50
+# A busy room powers up some 120 times a day and is due after a hundred: the physicist tests in the morning what is due
+# within some hours, and is called between two patients when it is due at once.
+_DUE_MORNING: Final = 50
+_DUE_NOW: Final = 5
 _DUE_DAYS: Final = 1.0
 
 
@@ -93,7 +96,7 @@ class Day:
         """Everything from switching on to going home, but for what does not fit before the end."""
         desk, rng = self._desk, self._rng
         desk.wait(rng.uniform(5.0, 60.0))
-        self._brake_test()
+        self._brake_test(_DUE_MORNING)
         if morning:
             self._check_travel()
         while not self._over:
@@ -104,11 +107,11 @@ class Day:
 
     # --- checks -----------------------------------------------------------------------------------------------------
 
-    def _brake_test(self) -> None:
-        """The physicist tests the brake when it is due soon, by date or by power-ups."""
+    def _brake_test(self, power_ups: int) -> None:
+        """The physicist tests the brake when it is due within so many power-ups, or within a day."""
         desk, brake = self._desk, self._desk.controller.brake
         due = brake.due
-        soon = due.power_ups_left is not None and due.power_ups_left < _DUE_POWER_UPS
+        soon = due.power_ups_left is not None and due.power_ups_left < power_ups
         if due.at:
             at = datetime.fromisoformat(due.at)
             soon = soon or at - self._now() < timedelta(days=_DUE_DAYS)
@@ -172,6 +175,8 @@ class Day:
         desk.wait(rng.uniform(30.0, 240.0) if rng.random() < 0.97 else rng.uniform(600.0, 1800.0))
         if not self._powered and rng.random() < 0.5:
             desk.change_load(self._moment_nm * moment_share(rng))
+        if not self._powered:
+            self._brake_test(_DUE_NOW)
         desk.look()
 
     def _begin(self) -> None:

@@ -36,6 +36,8 @@ RENEW_S: Final = 0.03
 _ALIVE_S: Final = 0.4
 _REPLY_S: Final = 0.3
 _REST_S: Final = 150.0
+# One cause may come again all day.
+_TOLD_MOST: Final = 10
 POLICY: Final = RetentionPolicy(journal_mb=4, journal_days=30)
 """Small, so that both limits of the journal act within a few dozen days."""
 SERVICE_DESK: Final = Identity("c-service", "serena", Role.SERVICE, "console")
@@ -52,12 +54,13 @@ class Counts:
     Attributes:
         scans: computed one by one.
         on_s: machine time with the controller on.
-        troubles: stops, warnings, refusals and unfinished motions that nobody caused, each with its place.
+        troubles: the first stops, warnings, refusals and unfinished motions that nobody caused, each with its place.
+        told: how many there were.
         worst_following_deg, worst_angle_deg: largest set-point minus measured angle of any scan with power on; largest
             difference of load and target after a move.
         offset_counts: told minus true angle of the motor when the slice began, counts of the absolute encoder.
         drift_counts: the same at the end of a start, minus that of the delivered machine; the largest.
-        memory: resident memory after each hour with the controller on: machine time in h, MB.
+        memory: memory of this process after each hour with the controller on: machine time in h, MB.
     """
 
     scans: int = 0
@@ -73,6 +76,7 @@ class Counts:
     stops: dict[str, int] = field(default_factory=dict)
     warnings: dict[str, int] = field(default_factory=dict)
     troubles: list[str] = field(default_factory=list)
+    told: int = 0
     worst_following_deg: float = 0.0
     worst_angle_deg: float = 0.0
     offset_counts: float = 0.0
@@ -200,6 +204,9 @@ class Desk:
 
     def trouble(self, what: str) -> None:
         """Tell what nobody caused."""
+        self.counts.told += 1
+        if len(self.counts.troubles) >= _TOLD_MOST:
+            return
         here = f"{self.engine.time_s:.2f} s after the start, at {deg(self.axis.pos_act_rad):.3f} deg"
         self.counts.troubles.append(f"{here}: {what}")
 

@@ -11,9 +11,9 @@ from support.virtual_soak.desk import POLICY
 
 SLOPE_MAX_MB: Final = 1.0
 """Of memory, in 1,000 h of machine time."""
-WARM_UP_H: Final = 24.0
-"""Caches and pools fill: the first day is not judged."""
-_SAMPLES_LEAST: Final = 24
+WARM_UP_DAYS: Final = 1
+"""Caches and pools fill: not judged."""
+_DAYS_LEAST: Final = 10
 DRIFT_MAX_COUNTS: Final = 0.5
 """Half a count of the absolute encoder: rounded, none. Errors within a signal period and a turn are below 0.2."""
 # The database keeps the room of what was taken out, and the newest thousand events; its log is settled every second.
@@ -45,7 +45,9 @@ def _none(what: str, total: Counter[str], each: Sequence[dict[str, int]]) -> Fin
 def _troubles(days: Sequence[dict[str, Any]]) -> Finding:
     found = [f"day {line['day']}: {text}" for line in days for text in line["troubles"]]
     found += [f"day {line['day']}: stuck: {line['stuck']}" for line in days if line["stuck"]]
-    return Finding("refusals, targets missed, days broken off", not found, "; ".join(found[:5]) or "none")
+    told = sum(line["told"] for line in days)
+    words = f"{told}, the first: {'; '.join(found[:3])}" if found else "none"
+    return Finding("refusals, targets missed, days broken off", not found, words)
 
 
 def _drift(days: Sequence[dict[str, Any]]) -> Finding:
@@ -56,10 +58,20 @@ def _drift(days: Sequence[dict[str, Any]]) -> Finding:
 
 
 def _memory(days: Sequence[dict[str, Any]]) -> Finding:
-    samples = [(hour, mb) for line in days for hour, mb in line["memory"] if hour > WARM_UP_H]
-    if len(samples) < _SAMPLES_LEAST:
-        return Finding("memory", None, f"{len(samples)} samples after the first {WARM_UP_H:g} h")
-    slope = slope_of([hour * 3600.0 for hour, _ in samples], [mb for _, mb in samples])
+    # The least of each day, at its beginning: SQLite's cache of pages grows to 2 MB, and ends with the controller.
+    least = [
+        (line["machine_h"], min(mb for _, mb in line["memory"]))
+        for line in days[WARM_UP_DAYS:]
+        if line["memory"]
+    ]
+    if len(least) < _DAYS_LEAST:
+        told = ", ".join(f"{mb:.1f}" for _, mb in least)
+        return Finding(
+            "memory",
+            None,
+            f"{len(least)} days after the first {WARM_UP_DAYS}, {_DAYS_LEAST} wanted: {told} MB",
+        )
+    slope = slope_of([hour * 3600.0 for hour, _ in least], [mb for _, mb in least])
     value, low, high = (1e3 * part for part in slope)
     words = f"{value:+.3f} MB in 1,000 h, 95 % between {low:+.3f} and {high:+.3f}"
     # Too short a soak cannot tell a slope from the steps of an allocator: its interval is wide.
