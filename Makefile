@@ -14,7 +14,7 @@ COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here;
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow mutants coverage pytest lint types layers test-core test-core-clang format lock licences dist try-wheels clean page page-check screenshots site wasm soak virtual-soak fuzz
+.PHONY: help demo setup core test test-slow mutants coverage pytest lint types layers test-core test-core-clang coverage-core format lock licences dist try-wheels clean page page-check screenshots site wasm soak virtual-soak fuzz
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the site, the Python tests: what CI runs"
@@ -132,6 +132,14 @@ test-core-clang: .venv/dev.stamp
 	    -DGANTRYCTL_CORE_TESTS=ON --log-level=WARNING
 	cmake --build build/core-tests-clang
 	ctest --test-dir build/core-tests-clang --output-on-failure --no-tests=error
+
+# Branches of core/control that the core's own tests take; 1 at the end when one is left.
+coverage-core: .venv/dev.stamp
+	cmake -S . -B build/core-coverage -G Ninja -DGANTRYCTL_PYTHON=OFF -DGANTRYCTL_CORE_TESTS=ON --log-level=WARNING \
+	    -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG="-O0 --coverage -DGANTRY_INLINE=inline"
+	cmake --build build/core-coverage --target core_tests
+	build/core-coverage/core_tests --gtest_brief=1
+	.venv/bin/python tools/core_coverage.py build/core-coverage core/control
 
 # --- upkeep -----------------------------------------------------------------------------------------------------------
 format: .venv/dev.stamp

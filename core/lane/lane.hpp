@@ -10,8 +10,10 @@
 
 #include "core/lane/isa.hpp"
 
-// The kernels are one chain of arithmetic: a call in it costs more than what it calls.
-#if defined(_MSC_VER)
+// The kernels are one chain of arithmetic: a call in it costs more than what it calls. A build that counts
+// branches defines it as `inline`, so that each belongs to the function that it stands in.
+#if defined(GANTRY_INLINE)
+#elif defined(_MSC_VER)
 #define GANTRY_INLINE __forceinline
 #else
 #define GANTRY_INLINE inline __attribute__((always_inline))

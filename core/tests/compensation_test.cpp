@@ -109,6 +109,8 @@ TEST(Maps, are_limited_and_then_stand_still) {
   const auto c = map_correction(p, calibrated(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0);
   EXPECT_EQ(c.pos, p.pos_limit_rad);
   EXPECT_EQ(c.vel, 0.0);
+  p.map.sine[0] = -1.0;
+  EXPECT_EQ(map_correction(p, calibrated(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0).pos, -p.pos_limit_rad);
 }
 
 TEST(Maps, waves_that_pass_too_fast_are_left_alone) {
@@ -121,6 +123,35 @@ TEST(Maps, waves_that_pass_too_fast_are_left_alone) {
   };
   EXPECT_GT(difference(0.001), 1e-6);
   EXPECT_LT(difference(1.0), 0.01 * difference(0.001));  // 338 waves at 1 rad/s: (338/50)^4 is 2000
+}
+
+// A wave of 338 cycles at half a radian per cycle and second: passing twice as fast as fade_rad_s it counts a
+// seventeenth, 1 / (1 + 2^4), forwards and backwards.
+TEST(Maps, every_wave_in_use_counts_and_fades_alike_both_ways) {
+  Params p;
+  p.fast[0] = {338.0, 0.0, 4e-6};
+  p.fast[1] = {1144.0, 0.0, 1e-6};
+  p.fast_used = 2;
+  EXPECT_NEAR(gear_correction(p, 0.0, 0.0).pos, 5e-6, 1e-20);
+  p.fast_used = 1;
+  p.fade_rad_s = 169.0;
+  for (double vel : {1.0, -1.0}) EXPECT_NEAR(gear_correction(p, 0.0, vel).pos, 4e-6 / 17.0, 1e-20);
+}
+
+// 16 kN m at a quarter turn are 13.986 N m of the motor through 1144.
+TEST(TorqueFeedForward, carries_the_eccentric_moment_through_the_ratio) {
+  Params p;
+  p.torque_eccentric = true;
+  p.moment_sine_nm = 1.6e4;
+  p.torque_limit_nm = 20.0;
+  const PositionLawParams<double> law = example::law();
+  const double quarter = 1.570796326794896619;
+  for (double side : {1.0, -1.0}) {
+    State s;
+    compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0);
+    const auto out = compensated_law(law, p, s, {side * quarter, 0.0, 0.0}, 0.0, 0.0, 0.0);
+    EXPECT_NEAR(out.torque_ff_nm, side * 13.986, 1e-3);
+  }
 }
 
 TEST(TorqueFeedForward, is_clamped_and_zero_where_the_axis_began) {
@@ -145,6 +176,8 @@ TEST(LoadSide, integral_goes_towards_the_error_and_is_limited) {
   p.encoder_limit_rad = 1e-4;
   EXPECT_EQ(load_side_bias(p, 0.0, 1.9e-6), 0.0);
   EXPECT_NEAR(load_side_bias(p, 0.0, 1e-3), 1e-6, 1e-18);
+  EXPECT_EQ(load_side_bias(p, 3e-5, -1.9e-6), 3e-5);
+  EXPECT_NEAR(load_side_bias(p, 0.0, -1e-3), -1e-6, 1e-18);
   EXPECT_EQ(load_side_bias(p, 1e-4, 1.0), 1e-4);
   EXPECT_EQ(load_side_bias(p, -1e-4, -1.0), -1e-4);
 }
@@ -172,6 +205,149 @@ TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
   const PositionLawParams<double> law = example::law();
   compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0);
   EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 9.0, 0.0).law.vel_cmd_rad_s, -law.vel_max_rad_s);
+  State back;
+  compensated_law(law, p, back, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0);
+  EXPECT_EQ(compensated_law(law, p, back, {0.0, 0.0, 0.0}, 0.0, -9.0, 0.0).law.vel_cmd_rad_s,
+            law.vel_max_rad_s);
+}
+
+// The load runs ahead by 1e-5 rad in a scan of 1 ms, 0.01 rad/s; its twist against the motor is -1e-5 rad.
+// The motor yields by 0.05 (10 x 0.01 - 12.6^2 x 1e-5) = 4.92 mrad/s at the gantry, towards a slower motion.
+TEST(CompensatedLaw, yields_to_a_load_that_runs_ahead) {
+  Params p;
+  p.damping = true;
+  p.damping_gain = 0.05;
+  p.swing_rad_s = 12.6;
+  const PositionLawParams<double> law = example::law();
+  const double counts = 0.3 * law.ratio / law.rad_per_count;
+  for (double side : {1.0, -1.0}) {
+    State s;
+    const double still = compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.3, 0.0).law.vel_cmd_rad_s;
+    EXPECT_NEAR(still, 0.0, 1e-9);
+    const double cmd =
+        compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.3 + side * 1e-5, 0.0).law.vel_cmd_rad_s;
+    EXPECT_NEAR(cmd, -side * law.ratio * 0.00492062, 1e-5);
+  }
+}
+
+TEST(CompensatedLaw, turns_its_direction_round_over_the_reversal_length) {
+  Params p;
+  p.reversal_length_rad = 1e-4;
+  const PositionLawParams<double> law = example::law();
+  State s;
+  const auto to = [&](double pos) {
+    compensated_law(law, p, s, {pos, 0.0, 0.0}, 0.0, 0.0, 0.0);
+    return s.direction;
+  };
+  EXPECT_EQ(to(0.0), 0.0);
+  EXPECT_NEAR(to(5e-5), 0.5, 1e-12);
+  EXPECT_EQ(to(1.0), 1.0);
+  EXPECT_NEAR(to(1.0 - 5e-5), 0.5, 1e-10);
+  EXPECT_EQ(to(-1.0), -1.0);
+  EXPECT_NEAR(to(-1.0 + 5e-5), -0.5, 1e-10);
+}
+
+// Readings are 1 ms old: at 0.1 rad/s the motor is 0.1 mrad further on. On its set-point it gets the speed
+// fed forward and nothing more, and the angle shown is where it is.
+TEST(CompensatedLaw, counts_the_way_since_the_encoder_was_read) {
+  Params p;
+  p.latency_s = 1e-3;
+  const PositionLawParams<double> law = example::law();
+  for (double vel : {0.1, -0.1}) {
+    State s;
+    const double counts = (0.3 - 1e-3 * vel) * law.ratio / law.rad_per_count;
+    const auto out = compensated_law(law, p, s, {0.3, vel, 0.0}, counts, 0.0, 0.0);
+    EXPECT_NEAR(out.law.vel_cmd_rad_s, law.ratio * vel, 1e-8);
+    EXPECT_NEAR(out.law.pos_act_rad, 0.3, 1e-12);
+  }
+}
+
+// A correction is what the motor leads the load by: 1e-5 rad of it are 10 /s x 1144 x 1e-5 of speed, and the
+// load is that much behind the motor.
+TEST(CompensatedLaw, leads_the_load_by_its_correction) {
+  const Params p;
+  const PositionLawParams<double> law = example::law();
+  State s;
+  s.bias_rad = 1e-5;
+  const double counts = 0.3 * law.ratio / law.rad_per_count;
+  EXPECT_NEAR(resting_position(law, p, s, counts), 0.3 - 1e-5, 1e-12);
+  const auto out = compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.0, 0.0);
+  EXPECT_NEAR(out.law.vel_cmd_rad_s, 0.1144, 1e-7);
+  EXPECT_NEAR(out.law.pos_act_rad, 0.3 - 1e-5, 1e-12);
+}
+
+TEST(CompensatedLaw, finds_a_sound_load_where_motor_and_maps_say) {
+  Params p = maps();
+  p.load_encoder = true;
+  const PositionLawParams<double> law = example::law();
+  State s;
+  s.direction = 1.0;
+  const double counts = 0.9 * law.ratio / law.rad_per_count;
+  const double load = resting_position(law, p, s, counts);
+  EXPECT_GT(std::fabs(load - 0.9), 1e-5);
+  const auto out = compensated_law(law, p, s, {load, 0.0, 0.0}, counts, load, 0.0);
+  EXPECT_NEAR(out.disagreement_rad, 0.0, 1e-8);
+  // 20 urad further on the load is ahead.
+  EXPECT_NEAR(compensated_law(law, p, s, {load, 0.0, 0.0}, counts, load + 2e-5, 0.0).disagreement_rad, 2e-5,
+              1e-8);
+}
+
+// The scale of the load-side encoder is 4 urad long at 0.3 rad: where it shows 0.300004 the load is at 0.3.
+TEST(CompensatedLaw, takes_the_errors_of_the_scale_off_the_reading) {
+  Params p;
+  p.load_encoder = p.scale_map = true;
+  p.scale.mean = 4e-6;
+  const PositionLawParams<double> law = example::law();
+  State s;
+  const double counts = 0.3 * law.ratio / law.rad_per_count;
+  const auto out = compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.300004, 0.0);
+  EXPECT_NEAR(s.ring_last_rad, 0.3, 1e-12);
+  EXPECT_NEAR(out.disagreement_rad, 0.0, 1e-9);
+}
+
+// Of two axes in a pack one follows already: it keeps what it has, the other begins at its set-point.
+TEST(CompensatedLaw, begins_in_the_lanes_that_do_not_follow_yet) {
+  using Two = Pack<2>;
+  CompensationParams<Two> p;
+  CompensationState<Two> s;
+  s.started.lane[0] = true;
+  s.pos_last_rad = Two(0.1);
+  s.acc_last_rad_s2 = Two(0.2);
+  s.ring_last_rad = Two(0.3);
+  s.vel_ring_rad_s = Two(0.4);
+  s.twist_slow_rad = Two(0.5);
+  s.torque_zero_nm = Two(0.6);
+  begin_following(p, Moment<Two>{Two(0.0), Two(0.0)}, Two(1144.0),
+                  SetPoint<Two>{Two(1.0), Two(2.0), Two(3.0)}, Two(1.5), Two(1.25), s);
+  const auto expect = [](const Two& found, double kept, double fresh) {
+    EXPECT_EQ(found.lane[0], kept);
+    EXPECT_EQ(found.lane[1], fresh);
+  };
+  expect(s.pos_last_rad, 0.1, 1.0);
+  expect(s.acc_last_rad_s2, 0.2, 3.0);
+  expect(s.ring_last_rad, 0.3, 1.25);
+  expect(s.vel_ring_rad_s, 0.4, 2.0);
+  expect(s.twist_slow_rad, 0.5, 0.25);
+  expect(s.torque_zero_nm, 0.6, 0.0);
+  EXPECT_TRUE(s.started.lane[0] && s.started.lane[1]);
+}
+
+// 2e-5 rad of swing in a scan are allowed; backwards at 0.05 rad/s 1e-5 beside the set-point are no step.
+TEST(CompensatedLaw, takes_a_swing_as_it_is_forwards_and_backwards) {
+  Params p;
+  p.load_encoder = true;
+  p.swing_speed_max_rad_s = 0.02;
+  const PositionLawParams<double> law = example::law();
+  for (double vel : {0.05, -0.05}) {
+    State s;
+    const auto scan = [&](double pos, double ring) {
+      compensated_law(law, p, s, {pos, vel, 0.0}, pos * law.ratio / law.rad_per_count, ring, 0.0);
+      return s.ring_last_rad;
+    };
+    EXPECT_EQ(scan(0.3, 0.3), 0.3);
+    const double next = 0.3 + vel * 1e-3;
+    EXPECT_EQ(scan(next, next + 1e-5), next + 1e-5);
+  }
 }
 
 // An acceleration winds the transmission up as planned: the motor must not yield to it, or the load would

@@ -100,6 +100,47 @@ TEST(MomentObserver, learns_nothing_at_rest_in_reversal_or_without_a_torque) {
   EXPECT_EQ(moment_now(p, s).sine_nm, p.moment_sine_nm);
 }
 
+// Limit 5 kN m, a thousandth of the way in a scan: of (6, 8) kN m, 10 kN m in all, the half is followed.
+TEST(MomentObserver, goes_a_part_of_the_way_in_each_scan_and_none_where_it_does_not_follow) {
+  Params p = observed();
+  p.moment_limit_nm = 5e3;
+  State s;
+  use_moment(p, {4e3, 0.0}, true, s);
+  EXPECT_NEAR(s.moment_sine_nm, 4.0, 1e-12);
+  use_moment(p, {4e3, 0.0}, true, s);
+  EXPECT_NEAR(s.moment_sine_nm, 7.996, 1e-12);
+  s = State();
+  use_moment(p, {6e3, -8e3}, true, s);
+  EXPECT_NEAR(s.moment_sine_nm, 3.0, 1e-12);
+  EXPECT_NEAR(s.moment_cosine_nm, -4.0, 1e-12);
+  const State before = s;
+  use_moment(p, {6e3, -8e3}, false, s);
+  EXPECT_EQ(s.moment_sine_nm, before.moment_sine_nm);
+  EXPECT_EQ(s.moment_cosine_nm, before.moment_cosine_nm);
+}
+
+// A standing axis must not creep after what it has learnt in motion.
+TEST(MomentObserver, follows_nothing_at_rest_though_much_was_seen) {
+  const Params p = observed();
+  State s;
+  move(p, s, {2e4, 8e3, 0.0}, -1.5, 1.5, 0.1);
+  const double sine = s.moment_sine_nm, cosine = s.moment_cosine_nm;
+  EXPECT_GT(std::fabs(sine) + std::fabs(cosine), 100.0);
+  for (int k = 0; k < 100; ++k) observe_moment(p, kRatio, {1.0, 0.0, 0.0}, 50.0, s);
+  EXPECT_EQ(s.moment_sine_nm, sine);
+  EXPECT_EQ(s.moment_cosine_nm, cosine);
+}
+
+// What is in use is the calibration and its change, in both parts.
+TEST(MomentObserver, adds_the_change_to_the_calibration) {
+  const Params p = observed();
+  State s;
+  s.moment_sine_nm = 200.0;
+  s.moment_cosine_nm = -300.0;
+  EXPECT_EQ(moment_now(p, s).sine_nm, 16200.0);
+  EXPECT_EQ(moment_now(p, s).cosine_nm, -1300.0);
+}
+
 TEST(MomentObserver, forgets_what_was_before) {
   Params p = observed();
   p.observer_memory = std::exp(-kTs / 20.0);

@@ -288,7 +288,7 @@ class ServiceOperator:
                 self.arming.use()
                 self._test_epoch, self._test_ended = now.epoch, False
                 self._set(brake_test=True)
-            case "reset":
+            case _:  # reset
                 self._reset(pending.who, service=rules.resets_locked(pending.who, now))
 
     def _change(self, values: dict[str, Any]) -> None:
@@ -303,7 +303,7 @@ class ServiceOperator:
                 self._set(increment_rad=rad(value))
             case "override_percent":
                 self._set(override=value / 100.0)
-            case "acc_setting_deg_s2":
+            case _:  # acc_setting_deg_s2
                 refused = self.program.axis.set_acceleration(rad(value))
                 if refused is not None:
                     raise MessageRefused(refused.code, **refused.values)

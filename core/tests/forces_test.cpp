@@ -1,0 +1,159 @@
+// Signs and sizes of what acts on motor, load and base, one effect at a time and by hand.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/plant/dynamics.hpp"
+#include "core/plant/integration.hpp"
+
+namespace gantry {
+namespace {
+
+using State = PlantState<double>;
+constexpr double kQuarter = 1.570796326794896619;
+
+// Ratio 10, stiffness 1000, 2000 and 4000 N m/rad with knees at 10 and 30 N m, inertias of 1 and 50 kg m2.
+PlantParams<double> simple() {
+  PlantParams<double> p;
+  p.ratio = 10.0;
+  p.inertia_motor_kg_m2 = 1.0;
+  p.inertia_load_kg_m2 = 50.0;
+  p.stiffness_1_nm_per_rad = 1000.0;
+  p.stiffness_2_nm_per_rad = 2000.0;
+  p.stiffness_3_nm_per_rad = 4000.0;
+  p.torque_1_nm = 10.0;
+  p.torque_2_nm = 30.0;
+  return p;
+}
+
+Forces<double> at(const PlantParams<double>& p, const State& x, bool brake_closed = false,
+                  double time = 0.0) {
+  const Plant<double> plant(p);
+  Anchor<double> anchor(p, plant.gear, x, time);
+  return p.rigid ? forces_rigid(plant, x, anchor, brake_closed) : forces(plant, x, anchor, brake_closed);
+}
+
+State wound(double twist) {
+  State x;
+  x.pos_motor = 10.0 * twist;
+  return x;
+}
+
+TEST(Forces, spring_goes_through_its_knees) {
+  const Plant<double> plant(simple());
+  for (const auto& [twist, torque] :
+       {std::pair{0.005, 5.0}, {0.01, 10.0}, {0.015, 20.0}, {0.02, 30.0}, {0.03, 70.0}}) {
+    EXPECT_NEAR(plant.spring(twist), torque, 1e-9);
+    EXPECT_NEAR(plant.windup(torque), twist, 1e-12);
+    for (double side : {1.0, -1.0})
+      EXPECT_NEAR(at(simple(), wound(side * twist)).torque_mesh, side * torque, 1e-9);
+  }
+}
+
+TEST(Forces, a_wound_spring_drives_the_load_and_holds_the_motor_back) {
+  const auto f = at(simple(), wound(0.005));
+  EXPECT_NEAR(f.acc_load, 5.0 / 50.0, 1e-12);
+  EXPECT_NEAR(f.acc_motor, -5.0 / 10.0, 1e-12);
+}
+
+TEST(Forces, flanks_push_and_do_not_pull) {
+  PlantParams<double> p = simple();
+  p.backlash = true;
+  p.half_backlash_rad = 0.002;
+  p.damping_nm_s_per_rad = 100.0;
+  EXPECT_EQ(at(p, wound(0.002)).torque_mesh, 0.0);
+  EXPECT_NEAR(at(p, wound(0.005)).torque_mesh, 3.0, 1e-9);
+  EXPECT_NEAR(at(p, wound(-0.005)).torque_mesh, -3.0, 1e-9);
+  State x = wound(0.005);
+  x.vel_load = 0.1;  // leaves the flank: 3 N m of the spring, 10 N m of the damper against it
+  EXPECT_EQ(at(p, x).torque_mesh, 0.0);
+}
+
+TEST(Forces, the_base_takes_what_the_ring_gives_the_load) {
+  PlantParams<double> p = simple();
+  p.base = true;
+  p.base_inertia_kg_m2 = 20.0;
+  p.base_stiffness_nm_per_rad = 300.0;
+  p.base_damping_nm_s_per_rad = 7.0;
+  EXPECT_NEAR(at(p, wound(0.005)).acc_base, -5.0 / 20.0, 1e-12);
+  State x;
+  x.pos_base = x.pos_load = 0.01;
+  x.vel_base = x.vel_load = 0.1;
+  EXPECT_NEAR(at(p, x).acc_base, (-3.0 - 0.7) / 20.0, 1e-12);
+}
+
+TEST(Forces, friction_and_brake_hold_back_in_both_directions) {
+  PlantParams<double> p = simple();
+  p.motor_friction = p.roller_friction = true;
+  p.motor_coulomb_nm = p.motor_breakaway_nm = 2.0;
+  p.roller_coulomb_nm = p.roller_breakaway_nm = 20.0;
+  p.motor_presliding_rad = p.roller_presliding_rad = p.brake_presliding_rad = 1e-3;
+  p.motor_stribeck_rad_s = p.roller_stribeck_rad_s = 1e-3;
+  p.brake_torque_nm = 400.0;
+  for (double side : {1.0, -1.0}) {
+    State x;
+    x.vel_motor = side * 10.0;
+    x.vel_load = side * 1.0;
+    x.motor_z = x.roller_z = x.brake_z = side * 1e-3;  // they slide
+    EXPECT_NEAR(at(p, x).acc_motor, -side * 2.0, 1e-9);
+    EXPECT_NEAR(at(p, x).acc_load, -side * 20.0 / 50.0, 1e-9);
+    EXPECT_NEAR(at(p, x, true).acc_motor, -side * 402.0, 1e-6);
+  }
+}
+
+// The eccentric moment of 100 N m, its mean wind of 30 N m and the torque of the motor on one inertia:
+// 50 / 10^2 + 1 = 1.5 kg m2 at the motor.
+TEST(Forces, rigid_and_elastic_plants_have_the_same_moments) {
+  PlantParams<double> p = simple();
+  p.eccentric_moment_nm = 100.0;
+  p.wind = true;
+  p.wind_moment_nm = 30.0;
+  State x;
+  x.pos_load = kQuarter;
+  x.pos_motor = 10.0 * kQuarter;
+  x.torque_motor = 2.0;
+  EXPECT_NEAR(at(p, x).acc_load, 130.0 / 50.0, 1e-9);
+  EXPECT_NEAR(at(p, x).acc_motor, 2.0, 1e-9);
+  p.rigid = true;
+  EXPECT_NEAR(at(p, x).acc_motor, (13.0 + 2.0) / 1.5, 1e-9);
+  EXPECT_NEAR(at(p, x).acc_load, (13.0 + 2.0) / 15.0, 1e-9);
+}
+
+// Gears from 2 K towards -4 K, the motor from 0 towards 60 K, 1 - exp(-1) of the way after a time constant.
+TEST(Forces, temperatures_act_with_their_signs) {
+  PlantParams<double> p = simple();
+  p.thermal = p.backlash = true;
+  p.half_backlash_rad = 1e-3;
+  p.half_backlash_rad_per_k = -1e-4;  // warm gears close the gap
+  p.gear_temp_start_k = 2.0;
+  p.gear_temp_end_k = -4.0;
+  p.gear_temp_time_s = p.motor_temp_time_s = 100.0;
+  p.motor_temp_end_k = 60.0;
+  p.torque_constant_per_k = -0.001;
+  p.viscosity_per_k = -0.05;
+  const Thermal<double> begin(p, 0.0), later(p, 100.0), end(p, 1e5);
+  EXPECT_NEAR(begin.half_backlash, 0.8e-3, 1e-15);
+  EXPECT_NEAR(begin.viscosity, std::exp(-0.1), 1e-12);
+  EXPECT_NEAR(begin.motor_torque, 1.0, 1e-12);
+  EXPECT_NEAR(later.motor_torque, 1.0 - 0.06 * 0.632120559, 1e-9);
+  EXPECT_NEAR(end.half_backlash, 1.4e-3, 1e-12);
+  EXPECT_NEAR(end.motor_torque, 0.94, 1e-9);
+  State x;
+  x.torque_motor = 10.0;
+  EXPECT_NEAR(at(p, x, false, 1e5).acc_motor, 9.4, 1e-9);
+}
+
+// Bandwidth 1000 /s: after 1 ms exp(-1) of the difference is left.
+TEST(CurrentLoop, torque_goes_towards_its_command) {
+  PlantParams<double> p = simple();
+  p.current_bandwidth_rad_s = 1000.0;
+  const CurrentLoop<double> loop(p, 1e-3);
+  EXPECT_NEAR(loop.at_start(10.0, 4.0), 4.0, 1e-12);
+  EXPECT_NEAR(loop.at_end(10.0, 4.0), 10.0 - 6.0 * 0.367879441, 1e-8);
+  p.current_bandwidth_rad_s = 0.0;
+  const CurrentLoop<double> ideal(p, 1e-3);
+  EXPECT_EQ(ideal.at_end(10.0, ideal.at_start(10.0, 4.0)), 10.0);
+}
+
+}  // namespace
+}  // namespace gantry

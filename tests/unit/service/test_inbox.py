@@ -1,0 +1,224 @@
+"""The operator's end of the rings: what goes first, what waits, what is dropped, and what is answered."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.service.command import inbox as module
+from gantryctl.service.command.arming import Arming
+from gantryctl.service.command.inbox import OF_CLIENT, OF_SOURCE, CommandQueue, Gone, Inbox, PendingCommand
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.memory import Source
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, to_record
+from gantryctl.service.protocol.roles import Action, Role
+
+MARK = "1-0000000000000000"
+LEASE = "00000000000000aa"
+
+
+def who(client: str, place: str = "remote") -> Identity:
+    return Identity(client, client, Role.OPERATOR, place)
+
+
+def pending(client: str, kind: str = "halt", source: int = 0, seq: int = 1) -> PendingCommand:
+    return PendingCommand(source, who(client), Message(kind, seq, MARK, 7, {}))
+
+
+class Link:
+    """An inbox with rings that a test writes and reads."""
+
+    def __init__(self, reply_slot: int = 1024) -> None:
+        self.memory = [memoryview(bytearray(192 + 64 * 1024)) for _ in range(2)]
+        self.commands = [Ring(each, 1024) for each in self.memory]
+        self.replies = [Ring(memoryview(bytearray(192 + 64 * reply_slot)), reply_slot) for _ in range(2)]
+        self.journal = Ring(memoryview(bytearray(192 + 4096 * 1024)), 1024)
+        self.inbox = Inbox(self.commands, self.replies, EventLog(self.journal))
+
+    def send(self, sender: Identity, source: int = 0, **raw: Any) -> None:
+        assert self.commands[source].put(to_record(sender, raw))
+
+    def receive(self, holder: str = "") -> Inbox:
+        self.inbox.receive(7, holder)
+        return self.inbox
+
+    def answers(self, source: int = 0) -> list[dict[str, Any]]:
+        found = []
+        while (record := self.replies[source].take()) is not None:
+            found.append(json.loads(record)[1])
+        return found
+
+    def events(self) -> list[dict[str, Any]]:
+        return [json.loads(each) for each in self.journal.peek(1000) if each is not None]
+
+
+@pytest.mark.parametrize("kind", ["stop", "quick_stop", "release"])
+def test_what_stops_waits_behind_nothing(kind: str) -> None:
+    link = Link()
+    link.send(who("a"), type="halt", seq=1, frame=MARK, epoch=7)
+    link.send(who("b"), type=kind, seq=1, **({"lease": LEASE} if kind == "release" else {}))
+    found = link.receive()
+    assert [each.who.client for each in found.first[kind]] == ["b"]
+    assert len(found.others) == 1
+    assert not link.receive().first
+
+
+def test_each_command_is_taken_from_its_ring_once() -> None:
+    link = Link()
+    for seq in (1, 2, 3):
+        link.send(who("a"), type="halt", seq=seq, frame=MARK, epoch=7)
+    assert len(link.receive().others) == 3
+    assert len(link.receive().others) == 3
+
+
+def test_records_that_no_gateway_of_ours_has_written_are_passed_over() -> None:
+    link = Link()
+    link.commands[0].put(b"not json")
+    link.commands[0].put(b"[1]")
+    link.send(who("a"), type="halt", seq=1, frame=MARK, epoch=7)
+    link.send(who("a"), type="halt", seq=2, frame=MARK, epoch=7)
+    link.memory[0][192 + 2 * 1024 + 8] ^= 0xFF  # a bit of the third one fell over on its way
+    found = link.receive()
+    assert [found.others.take().message.seq for _ in range(len(found.others))] == [2]
+    assert link.answers() == []
+
+
+def test_a_message_that_is_not_understood_is_answered_by_its_number() -> None:
+    link = Link()
+    link.send(who("a"), type="dance", seq=5)
+    link.send(who("a"), type="dance", seq="x")
+    link.receive()
+    assert [(each["seq"], each["code"]) for each in link.answers()] == [(5, "SEC-05"), (0, "SEC-05")]
+
+
+def test_one_page_may_have_sixteen_waiting_and_its_source_a_hundred_and_twenty_eight() -> None:
+    queue = CommandQueue()
+    assert all(queue.append(pending("a")) for _ in range(OF_CLIENT))
+    assert not queue.append(pending("a"))
+    assert queue.append(pending("b"))
+    while len(queue):
+        queue.take()
+    # Places are given back.
+    assert all(queue.append(pending("a")) for _ in range(OF_CLIENT))
+    queue.clear()
+    assert all(queue.append(pending(f"page {n}")) for n in range(OF_SOURCE))
+    assert not queue.append(pending("one more"))
+    # The console of the machine is a source of its own.
+    assert queue.append(pending("shell", source=1))
+
+
+def test_of_signs_of_life_the_newest_waits() -> None:
+    queue = CommandQueue()
+    for seq in (1, 2, 3):
+        assert queue.append(pending("a", "alive", seq=seq))
+        assert queue.append(pending("a", "renew", seq=seq))
+        assert queue.append(pending("b", "alive", seq=seq))
+    found = [queue.take() for _ in range(len(queue))]
+    assert [(each.who.client, each.message.kind, each.message.seq) for each in found] == [
+        ("a", "alive", 3), ("a", "renew", 3), ("b", "alive", 3),
+    ]  # fmt: skip
+
+
+def test_a_full_queue_is_told() -> None:
+    link = Link()
+    for seq in range(OF_CLIENT + 1):
+        link.send(who("a"), type="halt", seq=seq, frame=MARK, epoch=7)
+    link.receive()
+    assert [(each["seq"], each["code"]) for each in link.answers()] == [(OF_CLIENT, "SEC-06")]
+
+
+def test_signs_of_life_count_from_the_holder_only_and_a_dead_key_is_told() -> None:
+    link = Link()
+    link.send(who("a"), type="alive", seq=1, frame=MARK)
+    link.send(who("a"), type="renew", seq=2, frame=MARK, epoch=7, lease=LEASE)
+    assert len(link.receive("b").others) == 0
+    assert [(each["seq"], each["code"]) for each in link.answers()] == [(2, "SEC-09")]
+    link.send(who("a"), type="alive", seq=3, frame=MARK)
+    assert len(link.receive("a").others) == 1
+
+
+@pytest.mark.parametrize(("seq", "taken"), [(4, False), (5, False), (6, True)])
+def test_a_number_counts_once_and_only_upwards(seq: int, taken: bool) -> None:
+    link = Link()
+    for before in (3, 5):
+        link.inbox.check_sequence(pending("a", seq=before))
+    link.inbox.check_sequence(pending("b", seq=1))  # every connection counts for itself
+    if taken:
+        link.inbox.check_sequence(pending("a", seq=seq))
+        return
+    with pytest.raises(MessageRefused) as refused:
+        link.inbox.check_sequence(pending("a", seq=seq))
+    assert refused.value.refusal.code == "SEC-04"
+
+
+def test_the_numbers_of_a_thousand_connections_are_kept_and_those_of_one_that_has_gone_are_not() -> None:
+    link = Link()
+    for n in range(module._CLIENTS + 1):
+        link.inbox.check_sequence(pending(f"page {n}", seq=1))
+    with pytest.raises(MessageRefused):
+        link.inbox.check_sequence(pending("page 1", seq=1))
+    link.inbox.check_sequence(pending("page 0", seq=1))  # forgotten: it was quiet for longest
+    link.send(who("page 5"), type="gone")
+    assert link.receive().gone[0] == Gone(0, "page 5", False)
+    link.inbox.check_sequence(pending("page 5", seq=1))
+
+
+def test_the_end_of_a_gateway_is_the_end_of_all_its_connections() -> None:
+    link = Link()
+    link.send(who("page"), type="restart")
+    gone = link.receive().gone.popleft()
+    assert gone.everyone
+    page, shell = who("page"), who("shell", "local")
+    for holder, ended in ((page, "page"), (shell, None), (None, None)):
+        assert gone.end(Arming(), holder) == ended
+    local = Gone(Source.LOCAL, "", True)
+    assert local.end(Arming(), shell) == "shell"
+    assert local.end(Arming(), page) is None
+
+
+def test_a_connection_that_ends_takes_along_what_it_has_armed() -> None:
+    for gone, armed in ((Gone(0, "page", False), False), (Gone(0, "other", False), True)):
+        arming = Arming()
+        arming.arm(Action.BRAKE_TEST, who("page"), 7, 100.0)
+        assert gone.end(arming, None) == gone.client
+        assert (arming.now(7, 101.0) is not None) is armed
+
+
+def test_signs_of_life_get_no_reply_while_all_is_well_and_no_row_of_the_journal() -> None:
+    link = Link()
+    link.inbox.answer(pending("a", "renew"), None, 7)
+    assert (link.answers(), link.events()) == ([], [])
+    link.inbox.answer(pending("a", "renew"), MessageRefused(Code.SEC_09, reason="gone"), 7)
+    assert [each["code"] for each in link.answers()] == ["SEC-09"]
+    assert link.events() == []
+
+
+def test_the_lease_of_a_press_is_in_no_event() -> None:
+    link = Link()
+    message = Message("jog", 1, MARK, 7, {"lease": LEASE, "direction": "forward"})
+    link.inbox.answer(PendingCommand(0, who("a"), message), None, 7)
+    (event,) = link.events()
+    assert event["values"]["direction"] == "forward"
+    assert LEASE not in json.dumps(event)
+
+
+def test_stops_of_one_scan_are_one_event_for_each_user_and_a_reply_for_each_page() -> None:
+    link = Link()
+    together = [pending("a", "stop", seq=n) for n in (1, 2, 3)] + [pending("b", "stop", source=1, seq=9)]
+    link.inbox.answer_all(together, 8)
+    assert [(each["user"], each["values"].get("count")) for each in link.events()] == [("a", 3), ("b", None)]
+    assert [(each["seq"], each["ok"], each["epoch"]) for each in link.answers()] == [
+        (1, True, 8), (2, True, 8), (3, True, 8),
+    ]  # fmt: skip
+    assert [each["seq"] for each in link.answers(1)] == [9]
+
+
+def test_a_reply_that_fits_no_slot_goes_without_its_values() -> None:
+    link = Link(reply_slot=512)
+    link.inbox.answer(pending("a"), MessageRefused(Code.SEC_05, reason="x" * 1000), 7)
+    (reply,) = link.answers()
+    assert (reply["code"], reply["values"]) == ("SEC-05", {})

@@ -1,0 +1,113 @@
+"""The lease of a held key: begun once, renewed by newer frames of its own page only, ended in time."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.program.alarms.words import Words
+from gantryctl.service.command import lease
+from gantryctl.service.command.lease import HoldToRun
+from gantryctl.service.protocol.limits import HELD_S
+
+# A lease of 250 ms at a scan of 10 ms: the last scan in which the key is held begins less than 240 ms after the frame.
+LEASE_S, SCAN_S = 0.25, 0.01
+
+
+def held(*, forward: bool = True) -> HoldToRun:
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    assert hold.begin("a", "page", forward, 100.0, 100.1) is None
+    return hold
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_a_key_gives_its_direction(forward: bool) -> None:
+    hold = held(forward=forward)
+    assert (hold.forward, hold.reverse, hold.alive, hold.client) == (forward, not forward, True, "page")
+    hold.end()
+    assert (hold.forward, hold.reverse, hold.alive, hold.client) == (False, False, False, "")
+
+
+def test_it_ends_in_the_scan_before_its_time_so_that_the_ramp_has_begun() -> None:
+    hold = held()
+    assert hold.left_s(100.2) == pytest.approx(0.05)
+    assert not hold.check(100.239)
+    assert hold.check(100.2401)
+    assert hold.ended is Words.LEASE_RAN_OUT
+    assert not hold.too_long
+    assert hold.left_s(100.2) == 0.0
+    assert not hold.check(100.25)
+
+
+def test_the_second_key_stops_the_first() -> None:
+    hold = held()
+    assert hold.begin("b", "page", False, 100.1, 100.12) is Words.OTHER_KEY
+    assert (hold.forward, hold.reverse, hold.alive) == (False, False, False)
+    # Neither of them is pressed again without a hand.
+    assert hold.begin("a", "page", True, 100.1, 100.13) is Words.LEASE_USED
+    assert hold.begin("b", "page", True, 100.1, 100.14) is Words.LEASE_USED
+
+
+def test_only_a_newer_frame_renews_and_the_lease_counts_from_its_issue() -> None:
+    hold = held()
+    before = hold.count
+    assert hold.renew("a", "page", 100.0, 100.15) is None
+    assert hold.renew("a", "page", 99.9, 100.15) is None
+    assert (hold.count, hold.issued_s) == (before, 100.0)
+    assert hold.renew("a", "page", 100.1, 100.2) is None
+    assert (hold.count, hold.issued_s) == (before + 1, 100.1)
+    assert not hold.check(100.33)
+    assert hold.check(100.341)
+
+
+@pytest.mark.parametrize(("name", "client"), [("a", "other"), ("b", "page")])
+def test_another_page_or_lease_renews_nothing(name: str, client: str) -> None:
+    hold = held()
+    assert hold.renew(name, client, 100.2, 100.21) is not None
+    assert hold.issued_s == 100.0
+
+
+def test_a_renewal_that_comes_too_late_finds_the_lease_dead() -> None:
+    hold = held()
+    # No scan has looked in between.
+    assert hold.renew("a", "page", 100.3, 100.3) is not None
+    assert not hold.alive
+
+
+@pytest.mark.parametrize(
+    ("name", "client", "released"), [("a", "page", True), ("a", "other", False), ("b", "page", False)]
+)
+def test_a_release_ends_its_own_key(name: str, client: str, released: bool) -> None:
+    hold = held()
+    assert hold.release(name, client) is released
+    assert hold.alive is not released
+
+
+def test_a_release_before_its_press_kills_it() -> None:
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    assert not hold.release("a", "page")
+    assert hold.begin("a", "page", True, 100.0, 100.1) is Words.LEASE_USED
+    assert not hold.alive
+
+
+def test_no_renewal_holds_a_key_for_longer_than_its_longest_time() -> None:
+    hold = held()
+    ended_s = None
+    for step in range(1, 4000):
+        now_s = 100.1 + 0.01 * step
+        if hold.renew("a", "page", now_s - 0.02, now_s) is not None:
+            ended_s = now_s
+            break
+    assert ended_s == pytest.approx(100.1 + HELD_S, abs=0.011)
+    assert hold.too_long
+    # The next press counts anew.
+    assert hold.begin("b", "page", True, ended_s, ended_s) is None
+    assert not hold.too_long
+    assert hold.ended is None
+
+
+def test_used_leases_are_remembered_within_a_bound() -> None:
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    for n in range(lease._REMEMBERED + 1):
+        hold.release(f"{n:016x}", "page")
+    assert len(hold._used) == lease._REMEMBERED
+    assert hold.begin(f"{lease._REMEMBERED:016x}", "page", True, 100.0, 100.0) is Words.LEASE_USED
