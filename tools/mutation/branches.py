@@ -13,8 +13,8 @@ from mutation.areas import ROOT, SOURCES, area_of
 
 EVIDENCE: Final = "docs/evidence/branch_coverage.json"
 COUNTED: Final = ("program", "operation", "drives/canopen", "service/command")
-_NOT_RUN: Final = ["if TYPE_CHECKING:", r"^\s*\.\.\.$"]
-"""What only a type checker reads: imports for it, bodies of protocols."""
+_NOT_RUN: Final = ["if TYPE_CHECKING:", r"^\s*\.\.\.$", r"case _:\s*assert_never\(.*"]
+"""What only a type checker reads: imports for it, bodies of protocols, cases that it has shown to be none."""
 
 
 def branches(folder: Path) -> tuple[dict[str, dict[str, Any]], dict[str, list[list[int]]]]:

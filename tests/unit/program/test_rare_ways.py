@@ -1,0 +1,153 @@
+"""Ways of power and monitors that a sound machine never takes."""
+
+import math
+
+import pytest
+
+from gantryctl.errors import UsageError
+from gantryctl.image import DigitalInputs, DriveRequest, DriveState
+from gantryctl.program import Code, Reaction
+from gantryctl.program.blocks import DigitalCamSwitch, ReadActualPosition, ReadStatus, Stop
+from gantryctl.units import rad
+from unit.program.power_steps import P, slip
+from unit.program.rig import RATIO, Rig, moving_rig, settings
+
+
+@pytest.mark.parametrize("reaction", [Reaction.HOLD, Reaction.QUICK_STOP, Reaction.TORQUE_OFF])
+def test_torque_off_is_not_made_weaker_nor_begun_again(reaction):
+    """The feedback is in doubt: nothing that comes later gives torque back, or more time."""
+    rig = moving_rig()
+    rig.axis.alarms.raise_(Code.CTL_05, Reaction.TORQUE_OFF, measured=1.0, command=2.0, limit=0.5)
+    speed = rig.drive.vel_rad_s
+
+    def turns_on(drive):
+        rig.drive.pos_motor_rad += speed * rig.period_s
+        return drive._replace(vel_act_rad_s=speed)
+
+    rig.spoil = turns_on
+    start = rig.scan
+    rig.step()
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    rig.run(2.0)
+    rig.axis.alarms.raise_(Code.BRK_03, reaction, measured=0.03, limit=0.02)
+    while "BRK-11" not in rig.codes:
+        rig.step()
+        assert rig.output.request is DriveRequest.DISABLE
+        assert not rig.output.brake_open
+        assert rig.scan - start < 4000
+    # The brake has not stopped it within 3 s of the first alarm, not of the second.
+    assert (rig.scan - start) * rig.period_s == pytest.approx(3.0, abs=0.01)
+
+
+def test_a_quick_stop_whose_speed_nobody_reads_ends_in_torque_off():
+    rig = moving_rig()
+    frozen, age = rig.drive.read(), 0
+
+    def silent(drive):
+        nonlocal age
+        age += 1
+        return frozen._replace(age_scans=age, speed_age_scans=age)
+
+    rig.spoil = silent
+    rig.until(lambda: rig.axis.power.phase is P.QUICK_STOPPING, 0.1)
+    start = rig.scan
+    rig.until(lambda: rig.axis.power.phase is P.TORQUE_OFF, 3.0)
+    # 6 deg/s at 5.5 deg/s2 are 1.09 s, and 0.25 s for the reaction and the load that swings on.
+    assert (rig.scan - start) * rig.period_s == pytest.approx(1.34, abs=0.01)
+    assert not rig.output.brake_open
+    rig.run(2.0)
+    assert rig.axis.power.phase is P.OFF, "without an angle the brake has 1.5 s"
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_a_load_that_falls_while_the_brake_opens_is_caught(way):
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=False)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.RELEASING)
+    slip(rig, way * 0.021)
+    rig.run(0.3)
+    assert rig.codes[0] == "BRK-10"
+    assert not rig.output.brake_open
+
+
+def test_a_drive_that_stays_enabled_is_told():
+    rig = Rig()
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.DISABLING)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED)
+    start = rig.scan
+    rig.until(lambda: bool(rig.codes), 3.0)
+    assert rig.codes == ["DRV-03"]
+    assert (rig.scan - start) * rig.period_s == pytest.approx(2.0, abs=0.01)
+    assert rig.output.request is DriveRequest.DISABLE
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["forward", "back"])
+def test_a_short_excess_of_speed_is_forgotten(way):
+    """Overspeed counts scans in a row: 15 ms twice are not 20 ms once."""
+    rig = Rig(config=settings(monitors={"velocity_deviation_rad_s": math.inf}))
+    rig.power_up()
+    rig.move(way * 100.0, 6.0)
+    rig.run(2.0)
+    more = way * rad(0.65) * RATIO
+    for _ in range(2):
+        rig.spoil = lambda drive: drive._replace(vel_act_rad_s=drive.vel_act_rad_s + more)
+        rig.run(0.015)
+        rig.spoil = None
+        rig.run(0.005)
+    assert rig.codes == []
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_a_short_push_out_of_the_standstill_window_is_forgotten(way):
+    rig = Rig()
+    rig.power_up()
+    law, off_rad = rig.axis._law, 0.0
+
+    def shifted(*given):
+        vel, pos, error = law(*given)
+        return vel, pos, error + off_rad
+
+    rig.axis._law = shifted
+    for _ in range(2):
+        off_rad = way * rad(0.025)
+        rig.run(0.007)
+        off_rad = 0.0
+        rig.run(0.003)
+    assert "CTL-13" not in rig.codes
+
+
+def test_no_power_with_an_open_emergency_stop():
+    rig = Rig()
+    rig.drive.inputs = DigitalInputs(estop_ok=False, estop_ok_2=False)
+    rig.run(0.05)
+    rig.op(power=True)
+    rig.run(0.1)
+    assert rig.axis.power.phase is P.OFF
+    assert rig.axis.refusal is not None
+    assert not rig.output.brake_open
+
+
+def test_blocks_that_are_not_enabled_say_so_and_hold_nothing():
+    rig = Rig(at_deg=20.0)
+    rig.power_up()
+    position, status, stop = (block(rig.axis) for block in (ReadActualPosition, ReadStatus, Stop))
+    position(enable=True)
+    assert position.value == pytest.approx(rad(20.0), abs=1e-6)
+    position(enable=False)
+    status(enable=False)
+    stop(execute=False)
+    assert not position.valid
+    assert not status.valid
+    assert rig.axis.motion.stop_command is None
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"on_s": math.nan}, {"off_s": math.inf}, {"hysteresis_rad": -0.1}, {"hysteresis_rad": math.pi}]
+)
+def test_a_cam_switch_refuses_what_it_cannot_keep(wrong):
+    rig = Rig()
+    with pytest.raises(UsageError, match="a cam switch needs finite compensations"):
+        DigitalCamSwitch(rig.axis, ((0.0, 1.0),), **wrong)
