@@ -180,13 +180,14 @@ class SdoClient:
         return self._again(lambda: self._read(index, sub))
 
     def _again(self, transfer: Callable[[], _T]) -> _T:
-        for left in reversed(range(_TRIES)):
+        left = _TRIES
+        while True:
+            left -= 1
             try:
                 return transfer()
             except SdoError as refused:
                 if not (refused.disturbed and left):
                     raise
-        raise AssertionError
 
     def _read(self, index: int, sub: int) -> bytes:
         request = struct.pack("<BHB4x", 0x40, index, sub)
