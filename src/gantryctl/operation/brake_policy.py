@@ -131,14 +131,22 @@ def restore_failure(axis: Axis, retained: Retained) -> None:
 
 
 def restore_learned(axis: Axis, retained: Retained) -> None:
-    """Give the axis what earlier runs have learned of its torque, and the brake stops they have counted."""
-    try:
-        weights = json.loads(retained.torque_weights or "[]")
-    except ValueError:
-        weights = []
+    """Give the axis what earlier runs have learned of its torque and its calibration, and the brake stops counted."""
+    weights, seen = _plain(retained.torque_weights), _plain(retained.calibration_watch)
     if isinstance(weights, list) and all(isinstance(weight, float) for weight in weights):
         axis.monitors.drag.model.restore(weights)
     axis.power.wear.restore(retained.emergency_brake_stops)
+    if isinstance(seen, dict) and axis.load_side is not None and axis.load_side.watch is not None:
+        axis.load_side.watch.restore(seen)
+        axis.load_side.warn_stale()
+
+
+def _plain(text: str) -> object:
+    """JSON values; None where there are none, or the text is no JSON."""
+    try:
+        return json.loads(text or "null")
+    except ValueError:
+        return None
 
 
 def still_failed(axis: Axis, retained: Retained) -> str:

@@ -99,7 +99,7 @@ def open_axis(
         retained, notes = _with_accepted_motion(found, reasons)
         rows = ledger_of(machine, store, found.drive)
         fastest = min(machine.speed.setting_max_deg_s, speed_max_deg_s(rows))
-        notes = (*notes, *ledger_notes(machine, rows))
+        notes = (*notes, *ledger_notes(machine, rows), *_calibration_notes(controlled_as or machine))
         own_ramp = None if store is None else own_ramp_deg_s2(machine, store.directory)
         made = build_program(
             controlled_as or machine,
@@ -116,6 +116,17 @@ def open_axis(
     made.axis.feedback.in_doubt = bool(retained.doubted_by)
     quick_dec = deg(made.axis.settings.ramps.quick_dec_rad_s2)
     return OpenAxis(found.drive, retained, found.reading, made, notes, reasons, fastest, quick_dec)
+
+
+def _calibration_notes(machine: Machine) -> tuple[str, ...]:
+    """What of a calibration in use is not watched."""
+    if machine.calibration is None:
+        return ()
+    from gantryctl.wiring.calibration_watch import (
+        what_is_not_watched,
+    )  # a machine without a calibration loads none
+
+    return what_is_not_watched(machine)
 
 
 def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool = False) -> OpenMachine:
@@ -275,6 +286,7 @@ def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
         rest_position_counts=new.rest_position_counts,
         holding_torque_nm=None,
         torque_weights="",
+        calibration_watch="",
     )
 
 

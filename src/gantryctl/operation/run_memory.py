@@ -114,6 +114,9 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
         else int(axis.zero_counts) % counts_range,
         holding_torque_nm=axis.holding_torque_nm,
         torque_weights=json.dumps(axis.torque_weights) if axis.torque_weights else before.torque_weights,
+        calibration_watch=json.dumps(axis.calibration_memory)
+        if axis.calibration_memory
+        else before.calibration_watch,
         emergency_brake_stops=before.emergency_brake_stops + axis.power.wear.stops,
         emergency_brake_energy_j=before.emergency_brake_energy_j + axis.power.wear.energy_j,
         power_ups=before.power_ups + end.power_ups,

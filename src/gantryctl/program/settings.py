@@ -299,6 +299,42 @@ class PowerSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class CalibrationWatchSettings:
+    """What the calibration says, SI at the axis, and how far the machine may be from it.
+
+    Attributes:
+        identity: of the calibration; what was seen belongs to it.
+        inertia_load_kg_m2: behind the mesh. windup_per_acc_s2: wind-up per acceleration; 0 where it is not known.
+        friction_load_nm: Coulomb friction behind the mesh. flank_nm: nearer to 0 the flank of the mesh is not known.
+        torque_spread_nm: what torque may change by before anything was seen.
+        residual_nm: what the balance of torques leaves of one sample.
+        speed_min_rad_s: slower motion says nothing about friction.
+        moment_bound_nm, friction_bound_nm, lost_motion_bound_rad, scale_bound_rad: of the change since the
+            calibration. backlash_bound_rad: of the backlash itself. Infinite where nothing is watched.
+    """
+
+    identity: str
+    moment_sine_nm: float
+    moment_cosine_nm: float
+    inertia_kg_m2: float
+    inertia_load_kg_m2: float
+    windup_per_acc_s2: float
+    friction_nm: float
+    friction_load_nm: float
+    friction_load_ratio: float
+    friction_nm_s_per_rad: float
+    flank_nm: float
+    torque_spread_nm: float
+    residual_nm: float
+    speed_min_rad_s: float
+    moment_bound_nm: float = math.inf
+    friction_bound_nm: float = math.inf
+    backlash_bound_rad: float = math.inf
+    lost_motion_bound_rad: float = math.inf
+    scale_bound_rad: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
 class CompensationSettings:
     """Compensations of the position loop.
 
@@ -306,6 +342,7 @@ class CompensationSettings:
         laws: switches, numbers and maps; every axis takes a copy.
         load_encoder: a load-side encoder is read, and watched against the motor's.
         moment_limit_nm: change of the eccentric moment that a person expects; infinite where none is observed.
+        watch: what the calibration says of the machine, to warn when it no longer fits; None where nothing is watched.
     """
 
     laws: Compensation
@@ -313,6 +350,7 @@ class CompensationSettings:
     disagreement_rad: float = 0.05 * _DEG
     disagreement_time_s: float = 0.020
     moment_limit_nm: float = math.inf
+    watch: CalibrationWatchSettings | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,6 +50,7 @@ class Retained:
         zero_set_at, zero_witness: who, when, and what proved it. rest_position_counts: raw reading when the
         axis was last left at rest. holding_torque_nm: motor torque that held the load there, N m.
         torque_weights: learned torque model of motions, JSON; or "".
+        calibration_watch: what the watch of the calibration has seen and found, JSON; or "".
         brake_tested_at: date of the last brake test that passed or failed; `brake_tested_power_ups` the
         power-ups before it. brake_test_outcome: the last test in one word, brake_test_text: what
         was measured, in a sentence, brake_test_words: the sentence as words and values, JSON;
@@ -76,6 +77,7 @@ class Retained:
     rest_position_counts: int | None = None
     holding_torque_nm: float | None = None
     torque_weights: str = ""
+    calibration_watch: str = ""
     brake_tested_at: str = ""
     brake_tested_power_ups: int = 0
     brake_test_outcome: str = ""
@@ -102,7 +104,7 @@ class Retained:
 
 # Fields that memories of the first version do not have, with what they mean there.
 _ADDED: Final = {
-    "torque_weights": "", "emergency_brake_energy_j": 0.0,
+    "torque_weights": "", "calibration_watch": "", "emergency_brake_energy_j": 0.0,
     "brake_tested_power_ups": 0, "brake_test_outcome": "", "brake_test_text": "", "brake_test_words": "",
     "brake_plus_nm": None, "brake_minus_nm": None,
     "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0, "doubted_by": "",

@@ -9,7 +9,7 @@ from typing import Final
 from gantryctl import _core
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Calibration, Machine, Number, check_belongs
-from gantryctl.program.settings import CompensationSettings
+from gantryctl.program.settings import CalibrationWatchSettings, CompensationSettings
 from gantryctl.units import deg, rad
 
 # A simulation that feeds its own parameters to the controller removes the load error without merit: every number comes
@@ -103,7 +103,18 @@ def compensation_settings(machine: Machine) -> CompensationSettings | None:
         disagreement_rad=rad(encoder.disagreement_deg),
         disagreement_time_s=encoder.disagreement_time_ms * _MS,
         moment_limit_nm=observer.limit_nm if observer.active else math.inf,
+        watch=_watch(machine),
     )
+
+
+def _watch(machine: Machine) -> CalibrationWatchSettings | None:
+    if not machine.control.compensation.needs_calibration:
+        return None
+    from gantryctl.wiring.calibration_watch import (
+        calibration_watch,
+    )  # a machine without a calibration loads none
+
+    return calibration_watch(machine, check_calibration(machine))
 
 
 def flank_torque_nm(machine: Machine) -> float:

@@ -54,6 +54,8 @@ UNNOTICED = {
     "plant.structure.nozzle_tilt_stiffness_nm_per_rad": [60.0],
     # 0 by default, and 0 in every unit.
     "control.compensation.moment_observer.limit_nm": list(FACTORS),  # whoever switches it on must give it
+    "control.compensation.calibration_watch.moment_nm": list(FACTORS),  # 0: no load comes and goes
+    "control.compensation.calibration_watch.backlash_deg": [60.0],  # true of a coarse gear
     "plant.motor.cogging_phase_rad": list(FACTORS),
     "plant.encoder.eccentricity_phase_rad": list(FACTORS),
     "plant.thermal.gears_start_k": list(FACTORS),  # the temperature of alignment

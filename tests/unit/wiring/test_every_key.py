@@ -593,6 +593,13 @@ ELSEWHERE = {
     "required.stopping_angle_deg": "rules between keys, gantryctl stops",
     "required.source": "shown beside verdicts",
     "control.compensation.calibration": "read with the file",
+    **dict.fromkeys(
+        [
+            f"control.compensation.calibration_watch.{key}"
+            for key in ("active", "moment_nm", "friction_ratio", "backlash_deg", "lost_motion_deg")
+        ],
+        "with the numbers of a calibration: tests/unit/program/test_calibration_watch.py",
+    ),
     "control.compensation.gear_map.cycles_per_turn": "identification",
     "motor.power_rated_kw": "sizing",
     "motor.speed_rated_r_min": "sizing",
@@ -774,6 +781,7 @@ def keep_the_laws(patch: pytest.MonkeyPatch, given: list[Given]) -> None:
     patch.setattr(_core, "Compensation", made)
     patch.setattr(compensation, "check_calibration", lambda *_: SimpleNamespace(maps=maps))
     patch.setattr(compensation, "_identified", lambda *_: {})
+    patch.setattr(compensation, "_watch", lambda _: None)
 
 
 def laws(machine: Machine, patch: pytest.MonkeyPatch, given: list[Given]) -> dict[str, Any]:

@@ -94,6 +94,30 @@ class MomentObserverTable(Table):
     memory_s: float = number(300.0, 10.0, 1e4, "Time in motion over which what was seen fades.")
 
 
+class CalibrationWatchTable(Table):
+    """[control.compensation.calibration_watch]: a warning when the calibration no longer fits the machine."""
+
+    active: bool = switch(True, "Compare what the moves show with the calibration.")
+    moment_nm: float = number(
+        0.0,
+        0.0,
+        1e8,
+        "Least change of the eccentric moment that is named, at the axis: loads that come and go.",
+    )
+    # Grease of 10 % less viscosity and rollers of 10 % less friction are a sound machine.
+    friction_ratio: float = number(
+        0.2, 0.0, 10.0, "Least change of the friction that is named, of all of it."
+    )
+    # 0.02 mm on the ring of the reference gantry: the motor's torque shows half of a gap of 0.2 mm.
+    backlash_deg: float = number(
+        0.0005, 0.0, 0.1, "Least growth of the backlash that is named, by the motor."
+    )
+    # 0.08 mm there: a ring 5 K colder than its frame opens the gap by 0.095 mm, for some hours of a day.
+    lost_motion_deg: float = number(
+        0.002, 0.0, 0.1, "Least change of the lost motion that is named, by the load-side encoder."
+    )
+
+
 class CompensationTable(Table):
     """[control.compensation]: file of identified values, and what holds for all."""
 
@@ -109,6 +133,7 @@ class CompensationTable(Table):
     load_encoder: LoadEncoderLoopTable = table("Load-side loop.", LoadEncoderLoopTable)
     damping: DampingTable = table("Swing damping.", DampingTable)
     moment_observer: MomentObserverTable = table("Moment observer.", MomentObserverTable)
+    calibration_watch: CalibrationWatchTable = table("Stale calibration.", CalibrationWatchTable)
 
     @property
     def any_active(self) -> bool:

@@ -77,6 +77,7 @@ class Code(StrEnum):
     CTL_18 = "CTL-18"
     CTL_19 = "CTL-19"
     CTL_21 = "CTL-21"
+    CTL_22 = "CTL-22"
     CAN_01 = "CAN-01"
     CAN_02 = "CAN-02"
     CAN_03 = "CAN-03"

@@ -114,6 +114,17 @@ CONTROL: Final = (
              "负载与辨识时不同，或电机转矩读数有误。控制只跟随到限值为止。",
              "查明轴上有何改变。重新辨识；若负载允许如此，提高 [control.compensation.moment_observer] limit_nm。"),
     ),
+    Definition(
+        Code.CTL_22, _WARN, Reaction.W,
+        Text("Calibration no longer fits", "Calibration no longer fits: {measured}",
+             "The machine has changed since it was identified, or torque or ring encoder are read wrong: the angle of "
+             "the load is less accurate than it was.",
+             "Find out what has changed. Run `gantryctl identify`: the warning goes with a new calibration and not "
+             "before."),
+        Text("标定不再适用", "标定不再适用：{measured}",
+             "机器自辨识以来已改变，或转矩、环上编码器读数有误：负载角度的精度已降低。",
+             "查明有何改变。运行 `gantryctl identify`：有新标定后警告才消失。"),
+    ),
     # Fault catalogue G2: the last limit in software before the switches.
     Definition(
         Code.LIM_02, _STOP, _QS,

@@ -338,6 +338,28 @@ class Words(Enum):
     ENDED_BY = "ended by {code}", "由 {code} 结束"
     ENDED_BY_ALARM = "ended by an alarm", "由报警结束"
 
+    # What of a calibration no longer fits (CTL-22).
+    STALE_MOMENT = (
+        "eccentric moment changed by {measured:.1f} N m, bound {limit:.1f} N m",
+        "偏心力矩改变 {measured} N m，限值 {limit} N m",
+    )
+    STALE_FRICTION = (
+        "friction changed by {measured:+.1f} N m, bound {limit:.1f} N m",
+        "摩擦改变 {measured} N m，限值 {limit} N m",
+    )
+    STALE_BACKLASH = (
+        "backlash of {measured:.4f} deg at least, bound {limit:.4f} deg",
+        "齿隙至少 {measured}°，限值 {limit}°",
+    )
+    STALE_LOST_MOTION = (
+        "lost motion between both directions changed by {measured:+.4f} deg, bound {limit:.4f} deg",
+        "两个方向之间的空程改变 {measured}°，限值 {limit}°",
+    )
+    STALE_SCALE = (
+        "encoder on the ring and motor part by {measured:.4f} deg over the turn, bound {limit:.4f} deg",
+        "环上编码器与电机在一圈内相差 {measured}°，限值 {limit}°",
+    )
+
     # Why a torque reading is not believed (DRV-14).
     TORQUE_WHILE_OFF = (
         "{torque:.0f} N m reported while the drive is switched off",

@@ -526,6 +526,12 @@ class Axis:
         return self.monitors.drag.model.weights
 
     @property
+    def calibration_memory(self) -> dict[str, object]:
+        """What the watch of the calibration has seen and found: for retained memory; {} where nothing is watched."""
+        watch = None if self.load_side is None else self.load_side.watch
+        return {} if watch is None else watch.memory
+
+    @property
     def paused(self) -> bool:
         """A motion is under way or waits for the brake, and override 0 holds it back."""
         motion, virtual = self.motion, self.virtual

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Final
 
 from gantryctl._core import PositionLaw
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Clauses, Said, Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings, CompensationSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
+
+if TYPE_CHECKING:
+    from gantryctl.program.monitors.calibration_watch import CalibrationWatch, Finding
 
 _TURN: Final = 2.0 * math.pi
 _NEXT_RAD: Final = 1.2 * math.pi
@@ -36,12 +40,13 @@ class LoadSide:
         torque_ff_nm: torque of this scan, motor side, on top of what the power sequence asks for.
         disagreement_rad: load-side encoder minus the angle by motor encoder and maps.
         moment_change_nm: of the eccentric moment since the calibration, as the observer sees it.
+        watch: whether the calibration still fits; None where nothing tells, or nobody asks.
     """
 
     __slots__ = (
         "_alarms", "_changed", "_changed_scans", "_count", "_feedback", "_law", "_limit", "_moment_limit",
         "_run", "_run_again", "_scans", "_turn_counts", "_turn_rad", "_turns", "_watched",
-        "disagreement_rad", "laws", "moment_change_nm", "torque_ff_nm",
+        "disagreement_rad", "laws", "moment_change_nm", "torque_ff_nm", "watch",
     )  # fmt: skip
 
     def __init__(
@@ -64,6 +69,14 @@ class LoadSide:
         self._scans = settings.scans(compensation.disagreement_time_s)
         self._moment_limit = compensation.moment_limit_nm
         self._changed_scans = settings.scans(_CHANGED_S)
+        self.watch: CalibrationWatch | None = None
+        if compensation.watch is not None and settings.power.torque_preload:
+            # A machine without a calibration does not load it.
+            from gantryctl.program.monitors.calibration_watch import CalibrationWatch
+
+            self.watch = CalibrationWatch(
+                compensation.watch, settings.period_s, settings.law.ratio, load_side=compensation.load_encoder
+            )
         self._count = self._changed = 0
         self._turn_rad = 0.0
         turn = settings.law.turn_counts
@@ -85,7 +98,25 @@ class LoadSide:
             self._moment_changed()
         else:
             self._changed = 0
+        watch = self.watch
+        if watch is not None:
+            if not virtual.at_rest:
+                watch.scan(
+                    virtual.pos_ref_rad,
+                    virtual.vel_ref_rad_s,
+                    virtual.acc_ref_rad_s2,
+                    self._feedback.torque_nm,
+                    self.disagreement_rad,
+                )
+            elif watch.rest():
+                self.warn_stale()
         return vel, pos, error
+
+    def warn_stale(self) -> None:
+        """Name what of the calibration no longer fits: as long as there is no other, after a reset too."""
+        if self.watch is not None and self.watch.found:
+            self._alarms.raise_(Code.CTL_22, measured=stale_words(self.watch.found))
+            self._alarms.complete(Code.CTL_22, measured=stale_words(self.watch.found))
 
     def scan_again(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command for another set-point in the same scan: a law with memory counts no scan twice."""
@@ -159,3 +190,22 @@ class LoadSide:
         self._count = self._feedback.lasting(self._count)
         if self._count >= self._scans:
             self._feedback.doubt(Code.ENC_07, measured=deg(self.disagreement_rad), limit=deg(limit))
+
+
+_STALE: Final = {
+    "moment": Words.STALE_MOMENT,
+    "friction": Words.STALE_FRICTION,
+    "backlash": Words.STALE_BACKLASH,
+    "lost_motion": Words.STALE_LOST_MOTION,
+    "scale": Words.STALE_SCALE,
+}
+_TORQUES: Final = ("moment", "friction")
+
+
+def stale_words(found: Mapping[str, Finding]) -> Clauses:
+    """What no longer fits, with what was measured and its bound."""
+    said: list[Said] = []
+    for name, (measured, bound) in found.items():
+        shown = (measured, bound) if name in _TORQUES else (deg(measured), deg(bound))
+        said.append(_STALE[name](measured=shown[0], limit=shown[1]))
+    return Clauses(said)

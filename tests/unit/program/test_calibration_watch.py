@@ -1,0 +1,289 @@
+"""The watch of the calibration: what it names, what it leaves alone, what it keeps, and what it costs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from gantryctl.machine import Machine, Unknown, with_values
+from gantryctl.program import Code
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.axis.load_side import stale_words
+from gantryctl.program.monitors.calibration_watch import (
+    NAMES,
+    CalibrationWatch,
+    Finding,
+)
+from gantryctl.program.monitors.flank_swing import FlankSwing, gap_of
+from gantryctl.program.monitors.running_fit import RunningFit
+from gantryctl.program.settings import CalibrationWatchSettings
+from gantryctl.units import rad
+from gantryctl.wiring.calibration_watch import calibration_watch, what_is_not_watched
+from gantryctl.wiring.compensation import compensation_settings
+from parity.test_engine_parity import powered
+from support.improved import improved_machine
+
+PERIOD_S = 0.004
+AT = "control.compensation.calibration_watch."
+
+
+def settings_of(machine: Machine | None = None) -> CalibrationWatchSettings:
+    machine = machine or improved_machine()
+    assert machine.calibration is not None
+    found = calibration_watch(machine, machine.calibration)
+    assert found is not None
+    return found
+
+
+def torque_of(
+    s: CalibrationWatchSettings, pos: float, vel: float, acc: float, more: dict[str, float]
+) -> float:
+    """Motor torque times the ratio of a machine that is as calibrated but for `more`."""
+    held = s.moment_sine_nm * math.sin(pos) + s.moment_cosine_nm * math.cos(pos) + s.inertia_kg_m2 * acc
+    friction = s.friction_nm + s.friction_load_ratio * abs(held) + more.get("friction", 0.0)
+    z = math.copysign(1.0, vel)
+    return held + s.friction_nm_s_per_rad * vel + z * friction + more.get("moment", 0.0) * math.sin(pos)
+
+
+def turned(
+    watch: CalibrationWatch, moves: int = 3, ring_rad: float = 0.0, wave_rad: float = 0.0, **more: float
+) -> None:
+    """Moves to and fro between -120 and 120 deg at 6 deg/s; a wave of 3 kN m that no calibration has lies on top."""
+    s, vel = watch.settings, rad(6.0)
+    for move in range(moves):
+        z = 1.0 if move % 2 == 0 else -1.0
+        for k in range(round(rad(240.0) / vel / PERIOD_S)):
+            pos = z * (k * PERIOD_S * vel - rad(120.0))
+            torque = torque_of(s, pos, z * vel, 0.0, more) + 3e3 * math.sin(37.0 * pos)
+            apart = 0.5 * ring_rad * z + wave_rad * math.sin(pos)
+            watch.scan(pos, z * vel, 0.0, torque / 1144.0, apart)
+        watch.rest()
+
+
+def new_watch(**changes: Any) -> CalibrationWatch:
+    return CalibrationWatch(replace(settings_of(), **changes), PERIOD_S, 1144.0, load_side=True)
+
+
+def test_a_machine_as_it_was_calibrated_is_left_alone() -> None:
+    watch = new_watch()
+    turned(watch)
+    assert watch.found == {}
+    assert watch.seen["moment"].measured < 0.1 * watch.seen["moment"].bound
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "measured"),
+    [
+        ("moment", {"moment": 20e3}, 20e3),
+        ("friction", {"friction": 6e3}, 6e3),
+        ("friction", {"friction": -6e3}, -6e3),
+        ("lost_motion", {"ring_rad": 8e-5}, 8e-5),
+        ("scale", {"wave_rad": 6e-5}, 6e-5),
+    ],
+)
+def test_what_has_changed_is_named_with_what_was_measured(
+    name: str, more: dict[str, float], measured: float
+) -> None:
+    # The load must lie on one flank each way for an encoder to show the way between them: without a moment it does.
+    flat = {"moment_sine_nm": 0.0, "flank_nm": 1e3} if name == "lost_motion" else {}
+    watch = new_watch(**flat)
+    turned(watch, **more)
+    assert set(watch.found) == {name}
+    # 3 % for the wave on top, and the fading memory.
+    assert watch.found[name].measured == pytest.approx(measured, rel=0.03)
+    assert abs(watch.found[name].measured) > watch.found[name].bound
+
+
+def test_motion_one_way_names_nothing_that_it_cannot_tell_apart() -> None:
+    """Over 20 deg one way a moment and friction are the same torque; so no warning names either."""
+    watch, s = new_watch(), settings_of()
+    for k in range(1000):
+        pos = rad(80.0) + k * PERIOD_S * rad(5.0)
+        watch.scan(pos, rad(5.0), 0.0, (torque_of(s, pos, rad(5.0), 0.0, {}) + 6e3) / 1144.0, 0.0)
+    assert not watch.rest()
+
+
+@pytest.mark.parametrize("reading", [math.nan, math.inf, -math.inf])
+def test_readings_that_are_no_numbers_say_nothing(reading: float) -> None:
+    watch = new_watch()
+    turned(watch, moves=2)
+    before = json.dumps(watch.memory)
+    for _ in range(100):
+        watch.scan(0.1, 0.1, 0.0, reading, reading)
+    watch.rest()
+    assert json.dumps(watch.memory) == before
+
+
+class TestMemory:
+    def test_what_was_found_survives_a_power_cycle_and_goes_with_another_calibration(self) -> None:
+        watch = new_watch()
+        turned(watch, moment=20e3)
+        kept = json.loads(json.dumps(watch.memory))
+        again, other = new_watch(), new_watch(identity="another")
+        again.restore(kept)
+        other.restore(kept)
+        assert again.found == watch.found
+        assert again.memory == watch.memory
+        assert other.found == {}
+
+    @pytest.mark.parametrize(
+        "broken",
+        [
+            {"found": {"weather": [1.0, 2.0]}},
+            {"found": {"moment": [1.0]}},
+            {"gap": [1.0, 2.0]},
+            {"gap": [1.0, 0.0, -1.0]},
+            {"torque": [0.0]},
+            {"torque": None},
+            {"ring": "x"},
+            {"found": None},
+        ],
+    )
+    def test_a_broken_memory_changes_nothing(self, broken: dict[str, object]) -> None:
+        watch = new_watch()
+        turned(watch, moment=20e3)
+        again = new_watch()
+        again.restore({**watch.memory, **broken})
+        assert again.found == {}
+
+    def test_it_has_always_the_same_size(self) -> None:
+        watch = new_watch()
+        turned(watch, moves=1)
+        first = len(watch.memory["torque"]), len(watch.memory["ring"])  # type: ignore[arg-type]
+        turned(watch, moves=4)
+        assert (len(watch.memory["torque"]), len(watch.memory["ring"])) == first  # type: ignore[arg-type]
+
+
+class TestFlankSwing:
+    INERTIA, WINDUP, FLANK, SAMPLE_S, JERK = 2.2e6, 0.006, 3e3, 0.02, 0.0234
+
+    @pytest.mark.parametrize("gap_rad", [1e-5, 2e-5, 8e-5])
+    def test_the_gap_that_a_swing_tells_is_the_one_that_makes_it(self, gap_rad: float) -> None:
+        """The equations of `flank_swing` backwards: the time by bisection, then the swing of that time."""
+        low, high = 0.0, 2.0
+        for _ in range(60):
+            t = 0.5 * (low + high)
+            low, high = (t, high) if self.JERK * t * (self.WINDUP + t * t / 6.0) < gap_rad else (low, t)
+        swing = self.INERTIA * math.hypot(self.WINDUP**-0.5 * self.JERK * low**2 / 2.0, self.JERK * low)
+        assert gap_of(swing, self.JERK, self.INERTIA, self.WINDUP) == pytest.approx(gap_rad, rel=1e-6)
+
+    def told(self, *, crossing: bool = True, swing_nm: float = 5e3, back: bool = False) -> list[float | None]:
+        """A ramp of 0.5 s and what follows, with a swing on a slope that the plan does not know."""
+        swing, acc, told = FlankSwing(self.INERTIA, self.WINDUP, self.FLANK, self.SAMPLE_S), 0.0, []
+        begin = 10e3 if crossing else -10e3
+        told.append(swing.sample(0.0, begin, 0.0))
+        for _ in range(25):
+            acc -= self.JERK * self.SAMPLE_S
+            told.append(swing.sample(acc, begin + self.INERTIA * acc, 0.0))
+        for k in range(60):
+            if back and k == 10:
+                acc += self.JERK * self.SAMPLE_S
+            left = 500.0 + 900.0 * k * self.SAMPLE_S
+            left += swing_nm * math.cos(self.WINDUP**-0.5 * k * self.SAMPLE_S + 0.3)
+            told.append(swing.sample(acc, begin + self.INERTIA * acc, left))
+        return told
+
+    def test_a_swing_after_the_flank_has_changed_is_a_gap(self) -> None:
+        gaps = [gap for gap in self.told() if gap is not None]
+        # A period of 24 samples instead of 24.3: 2 % of the amplitude.
+        assert gaps == [pytest.approx(gap_of(5e3, self.JERK, self.INERTIA, self.WINDUP), rel=0.03)]
+
+    def test_a_ramp_that_stays_on_its_flank_tells_nothing(self) -> None:
+        assert set(self.told(crossing=False)) == {None}
+
+    def test_a_ramp_that_is_followed_by_another_tells_nothing(self) -> None:
+        assert set(self.told(back=True)) == {None}
+
+
+def test_the_uncertainty_of_a_running_fit_is_that_of_its_samples() -> None:
+    """Of y = 2 + e with e = +-1 in turns, alike 4 at a time, 400 samples are 100: a tenth."""
+    fit = RunningFit(1, 0.0, 1.0, 4.0)
+    for k in range(400):
+        fit.add((1.0,), 2.0 + (-1.0) ** (k // 4))
+    solved = fit.solved()
+    assert solved is not None
+    assert (solved.values[0], solved.deviations[0]) == (pytest.approx(2.0), pytest.approx(0.1))
+
+
+class TestBounds:
+    def test_they_are_twice_the_intervals_of_the_calibration(self) -> None:
+        machine = improved_machine()
+        assert machine.calibration is not None
+        half = machine.calibration.half_width
+        moment = machine.calibration.number("moment_sine_nm")
+        wanted = 2.0 * (
+            math.hypot(half["moment_sine_nm"], half["moment_cosine_nm"])
+            + half["friction_load_ratio"] * moment
+        )
+        # The cosine part of the moment is 2 N m of 16 kN m.
+        assert settings_of(machine).moment_bound_nm == pytest.approx(wanted, rel=1e-6)
+
+    @pytest.mark.parametrize(
+        ("key", "value", "bound", "wanted"),
+        [
+            ("moment_nm", 9e3, "moment_bound_nm", 9e3),
+            ("backlash_deg", 0.01, "backlash_bound_rad", rad(0.01)),
+            ("lost_motion_deg", 0.01, "lost_motion_bound_rad", rad(0.01)),
+            # Of 12.3 kN m of Coulomb friction and 59 kN m s/rad at 6 deg/s.
+            ("friction_ratio", 0.5, "friction_bound_nm", 0.5 * (12336.8 + 58992.8 * rad(6.0))),
+        ],
+    )
+    def test_a_person_may_allow_more(self, key: str, value: float, bound: str, wanted: float) -> None:
+        assert getattr(
+            settings_of(with_values(improved_machine(), {AT + key: value})), bound
+        ) == pytest.approx(wanted, rel=1e-5)
+
+    def test_a_moment_that_is_followed_may_change_within_its_limit(self) -> None:
+        followed = {"control.compensation.moment_observer.active": True}
+        assert settings_of(with_values(improved_machine(), followed)).moment_bound_nm == 30e3
+
+    def test_without_an_interval_nothing_is_watched_and_the_start_says_so(self) -> None:
+        machine = improved_machine()
+        calibration = machine.calibration
+        assert calibration is not None
+        bare = calibration.model_copy(update={"half_width": {**calibration.half_width, "friction_nm": 0.0}})
+        unknown = calibration.model_copy(
+            update={
+                "identified": calibration.identified.model_copy(update={"inertia_kg_m2": None}),
+                "half_width": {k: v for k, v in calibration.half_width.items() if k != "inertia_kg_m2"},
+                "unknown": {**calibration.unknown, "inertia_kg_m2": Unknown.TOO_WIDE},
+            }
+        )
+        for lacking, name in ((bare, "friction_nm"), (unknown, "inertia_kg_m2")):
+            assert calibration_watch(machine, lacking) is None
+            (line,) = what_is_not_watched(machine.calibrated(lacking))
+            assert name in line
+        assert what_is_not_watched(machine) == ()
+
+    def test_switched_off_it_watches_nothing(self) -> None:
+        off = compensation_settings(with_values(improved_machine(), {AT + "active": False}))
+        assert off is not None
+        assert off.watch is None
+
+
+def test_every_finding_has_words_in_both_languages() -> None:
+    alarms = AlarmLog()
+    alarms.raise_(Code.CTL_22, measured=stale_words({name: Finding(2.0, 1.0) for name in NAMES}))
+    (alarm,) = alarms.active.values()
+    for word in ("moment", "friction", "backlash", "lost motion", "ring"):
+        assert word in alarm.text
+
+
+def test_the_axis_warns_goes_on_and_warns_again_after_a_reset() -> None:
+    rig = powered(improved_machine(), 0.0)
+    load_side = rig.program.axis.load_side
+    assert load_side is not None
+    assert load_side.watch is not None
+    load_side.watch.found["moment"] = Finding(20e3, 1.7e3)
+    for target in (1.0, 0.0):
+        rig.command(move=True, target_rad=rad(target), speed_rad_s=rad(3.0))
+        rig.engine.run_for(6.0)
+        assert set(rig.program.axis.alarms.active) == {Code.CTL_22}
+        assert rig.program.axis.virtual.following
+        rig.program.axis.alarms.clear()
+        rig.command(move=False)
+        rig.engine.run_for(0.1)
