@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from gantryctl.machine import Machine, Unknown, with_values
+from gantryctl.operation.brake_policy import restore_learned
 from gantryctl.program import Code
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.axis.load_side import stale_words
@@ -21,9 +22,11 @@ from gantryctl.program.monitors.calibration_watch import (
 from gantryctl.program.monitors.flank_swing import FlankSwing, gap_of
 from gantryctl.program.monitors.running_fit import RunningFit
 from gantryctl.program.settings import CalibrationWatchSettings
+from gantryctl.runtime import Retained
 from gantryctl.units import rad
 from gantryctl.wiring.calibration_watch import calibration_watch, what_is_not_watched
 from gantryctl.wiring.compensation import compensation_settings
+from gantryctl.wiring.engine import build_engine
 from parity.test_engine_parity import powered
 from support.improved import improved_machine
 
@@ -287,3 +290,22 @@ def test_the_axis_warns_goes_on_and_warns_again_after_a_reset() -> None:
         rig.program.axis.alarms.clear()
         rig.command(move=False)
         rig.engine.run_for(0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "warned"),
+    [("as kept", True), ("", False), ("{", False), ("[1.0]", False), ('{"found": {}}', False)],
+)
+def test_the_warning_comes_back_with_the_next_start(text: str, *, warned: bool) -> None:
+    axis = build_engine(improved_machine()).program.axis
+    assert axis.load_side is not None
+    assert axis.load_side.watch is not None
+    found = {"moment": Finding(20e3, 1.7e3)}
+    axis.load_side.watch.found = dict(found)
+    kept = json.dumps(axis.calibration_memory) if text == "as kept" else text
+    again = build_engine(improved_machine()).program.axis
+    restore_learned(again, Retained("hust_improved", "0", calibration_watch=kept))
+    assert again.load_side is not None
+    assert again.load_side.watch is not None
+    assert again.load_side.watch.found == (found if warned else {})
+    assert set(again.alarms.active) == ({Code.CTL_22} if warned else set())
