@@ -11,6 +11,7 @@ import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -117,8 +118,9 @@ def _one(name: str, options: list[str]) -> str:
 
 def _keep(name: str, kept: Path, grown: Path, seeds: Path) -> None:
     """Add the fewest grown inputs that cover what nothing kept covers, the shortest first, up to the size."""
-    merged = kept.parent / f"{name}.merged"
-    merged.mkdir(exist_ok=True)
+    merged = WORK / name / "merged"
+    shutil.rmtree(merged, ignore_errors=True)
+    merged.mkdir()
     _one(
         name,
         ["-merge=1", "-timeout=20", "-rss_limit_mb=1200", str(merged), str(kept), str(grown), str(seeds)],
@@ -131,9 +133,6 @@ def _keep(name: str, kept: Path, grown: Path, seeds: Path) -> None:
         if not here.exists():
             here.write_bytes(path.read_bytes())
             size += path.stat().st_size
-    for path in merged.iterdir():
-        path.unlink()
-    merged.rmdir()
 
 
 def _escaped(word: str) -> str:
