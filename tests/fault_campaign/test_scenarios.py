@@ -105,7 +105,9 @@ def test_a_stop_without_a_cause_is_a_nuisance(monkeypatch: pytest.MonkeyPatch) -
     """The liar: an axis that switches itself off."""
     sound = play(scenario(duration_s=4.0))
     assert sound.ok, sound.violations
-    monkeypatch.setattr("gantryctl.engineering.fault_campaign.judge.Judge.injected", lambda self, each: None)
+    monkeypatch.setattr(
+        "gantryctl.engineering.fault_campaign.judging.judge.Judge.injected", lambda self, each: None
+    )
     silent = play(scenario(PlannedFault(number="D1", at_s=3.0), duration_s=4.0))
     assert [each.invariant for each in silent.violations] == ["M2"]
     assert silent.nuisances == 1

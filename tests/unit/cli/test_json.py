@@ -155,6 +155,8 @@ RUNS: dict[str, list[str]] = {
         "1",
     ],
     "faults replay": ["faults", "replay", "3", "--scan", "10"],
+    "faults shrink": ["faults", "shrink", "--file", "breaks.toml", "--trials", "1"],
+    "faults report": ["faults", "report", "faults_random.result"],
     "journal show": ["journal", "show"],
     "journal verify": ["journal", "verify"],
     "user list": ["user", "list"],
@@ -163,9 +165,21 @@ RUNS: dict[str, list[str]] = {
 }
 
 
+def slipping_encoder() -> None:
+    """A scenario that breaks something: nothing sees a coupling that slips by a fiftieth (row A18)."""
+    Path("breaks.toml").write_text(
+        "scan_ms = 10.0\nduration_s = 8.0\nramp_deg_s2 = 1.0\n"
+        '[[actions]]\nat_s = 0.1\ndo = "power"\n'
+        '[[actions]]\nat_s = 1.6\ndo = "move"\ntarget_deg = 60.0\nspeed_deg_s = 3.0\n'
+        '[[faults]]\nnumber = "A18"\nat_s = 3.0\n'
+    )
+
+
 FILES = {
     "compare --drift": drift_files,
     "eds check": lambda: done("drive", "sim", "--write-eds", "drive.eds"),
+    "faults report": lambda: done(*RUNS["faults campaign"]),
+    "faults shrink": slipping_encoder,
 }
 """What a command needs before it."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import json_option, print_json
+from gantryctl.cli.options import json_option, print_json, write_text
 from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
 from gantryctl.cli.workers import ended_in_order, pool_of, say
 from gantryctl.extras import need
@@ -91,7 +91,7 @@ def campaign(
             folder,
             Chunk(first, count),
             pool,
-            say=say,
+            say=_nothing if as_json else say,
             now_s=time.monotonic,
             today=lambda: datetime.now(UTC),
             stopped=stopped,
@@ -154,6 +154,70 @@ def replay(
     return int(not played.ok)
 
 
+@click.command()
+@click.argument("seed", type=_SEEDS, required=False)
+@_campaign_options
+@click.option("--file", "file", type=INPUT, help="Scenario of a TOML file instead.")
+@click.option(
+    "--trials", type=Whole(1, 100_000), default=300, show_default=True, help="Scenarios to play at most."
+)
+@json_option
+def shrink(
+    seed: int | None,
+    kind: str,
+    series: int,
+    scan: float | None,
+    file: Path | None,
+    trials: int,
+    as_json: bool,
+) -> None:
+    """Make a scenario that broke something as small as it gets, and print it as a file.
+
+    Faults, deeds of the person, digits and whatever else can go is left out as long as the same invariant breaks.
+    `gantryctl faults replay --file` plays what is left.
+    """
+    from gantryctl.engineering.fault_campaign.scenario import scenario_toml
+    from gantryctl.engineering.fault_campaign.shrink import shrink as make_small
+    from gantryctl.engineering.fault_campaign.text import played_data
+
+    found = make_small(_scenario(seed, kind, series, scan, file), _nothing if as_json else say, trials)
+    if as_json:
+        print_json({"invariant": found.invariant, "trials": found.trials, **played_data(found.played)})
+        return
+    for violation in found.played.violations:
+        click.echo(f"# {violation}")
+    click.echo(scenario_toml(found.played.scenario), nl=False)
+
+
+@click.command()
+@click.argument("results", type=PATH, nargs=-1, required=True)
+@click.option("--page", type=PATH, help="Write the page (Markdown) there.")
+@click.option(
+    "--evidence",
+    type=PATH,
+    default=Path("docs/evidence"),
+    show_default=True,
+    help="Folder with mutation.json and branch_coverage.json.",
+)
+@json_option
+def report(results: tuple[Path, ...], page: Path | None, evidence: Path, as_json: bool) -> None:
+    """Count what campaigns have shown: runs, worst way of each fault, nuisances, planted bugs, branches."""
+    from gantryctl.engineering.fault_campaign.report import report_data, report_page, tally
+    from gantryctl.engineering.fault_campaign.result import FaultResult
+
+    tallies = [tally(FaultResult.read(folder)) for folder in results]
+    text = report_page(tallies, evidence)
+    written = None if page is None else write_text(page, text)
+    if as_json:
+        print_json({"campaigns": report_data(tallies), "written": [] if written is None else [str(written)]})
+    else:
+        click.echo(text if written is None else f"wrote {written}", nl=written is not None)
+
+
+def _nothing(line: str) -> None:
+    """A program that reads JSON wants no progress."""
+
+
 def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file: Path | None) -> Scenario:
     """The scenario that was asked for.
 
@@ -168,4 +232,6 @@ def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file
     if file is not None:
         return load_scenario(file)
     assert seed is not None
+    if kind == "matrix":
+        raise UsageError("a cell of the matrix is one run of a row: gantryctl faults run")
     return _campaign(kind, series, scan).scenario(seed)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.faults.campaign import campaign, replay
+from gantryctl.cli.faults.campaign import campaign, replay, report, shrink
 from gantryctl.cli.options import config_option, json_option, machine_of, print_json
 from gantryctl.cli.text import print_table
 from gantryctl.cli.values import FINITE, INPUT, PATH
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 @click.group()
 def faults() -> None:
-    """Inject faults into a simulated axis: list, show, run, campaign, replay.
+    """Inject faults into a simulated axis: list, show, run; campaign, replay, shrink, report.
 
     Nothing of this is loaded by a controller: on a real bus there is no injection.
     """
 
 
-for command in (campaign, replay):
+for command in (campaign, replay, shrink, report):
     faults.add_command(command)
 
 

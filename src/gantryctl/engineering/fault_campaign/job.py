@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from gantryctl.engineering.campaign.job import INDEX, REFUSED
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
+from gantryctl.engineering.fault_campaign.matrix import cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.scheduler.identity import identity
 from gantryctl.engineering.scheduler.job import Rows
@@ -54,7 +54,9 @@ class FaultJob:
         return found
 
     def _row(self, number: int) -> Row:
-        return _ROW_OF.get(self.campaign.kind, _played)(self.campaign, number)
+        if self.campaign.kind == "matrix":
+            return row(**run_cell(cell(number)))
+        return _played(self.campaign, number)
 
 
 def _played(campaign: FaultCampaign, number: int) -> Row:
@@ -91,6 +93,3 @@ def row(*, refused: str, violations: list[str], **others: Any) -> Row:
         "trace_sha256": "",
         **others,
     }
-
-
-_ROW_OF: dict[str, Callable[[FaultCampaign, int], Row]] = {}

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.engineering.comparison.ensemble import random_plant
-from gantryctl.engineering.fault_campaign.effects import effect_of
-from gantryctl.engineering.fault_campaign.judge import Judge
+from gantryctl.engineering.fault_campaign.judging.effects import effect_of
+from gantryctl.engineering.fault_campaign.judging.judge import Judge
 from gantryctl.engineering.fault_campaign.person import changes_of
 from gantryctl.engineering.fault_campaign.scenario import Action, Scenario
 from gantryctl.engineering.faults.bench import FaultBench, FaultLog

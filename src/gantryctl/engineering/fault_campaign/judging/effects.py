@@ -79,7 +79,7 @@ _TAKES_TORQUE: Final = frozenset(
 )  # fmt: skip
 # Of its torque: the 16 kN m of the reference gantry, with 20 % more, ask for 17 N m of 400.
 _HOLDS_SHARE: Final = 0.1
-LOAD_MOVES: Final = frozenset({Code.BRK_03, Code.BRK_04, Code.BRK_13})
+LOAD_MOVES: Final = frozenset({Code.BRK_03, Code.BRK_04, Code.BRK_11, Code.BRK_13})
 """Alarms that tell people that the load moves."""
 
 
@@ -104,7 +104,8 @@ def _without_brake(each: Injection) -> bool:
 _CONTROL: Final = ("CTL-", "ENC-02", "ENC-12", "ENC-14", "BRK-13", "BRK-14", "DRV-13")
 _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
     Place.ENCODER: ("ENC-", *_CONTROL, "BRK-03", "BRK-04"),
-    Place.DRIVE: ("DRV-", *_CONTROL, "BRK-01", "BRK-03", "BRK-04", "BRK-05", "BRK-06", "BRK-07"),
+    # A drive that restarts, or sends two thousand emergencies at once, shows on the bus too: no answer, no room.
+    Place.DRIVE: ("DRV-", "CAN-", *_CONTROL, "BRK-01", "BRK-03", "BRK-04", "BRK-05", "BRK-06", "BRK-07"),
     Place.BRAKE: ("BRK-", *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
     Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", "DRV-01", "DRV-04"),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gantryctl.engineering.fault_campaign.effects import LOAD_MOVES, may_come_first, nothing_holds
+from gantryctl.engineering.fault_campaign.judging.effects import LOAD_MOVES, may_come_first, nothing_holds
+from gantryctl.engineering.fault_campaign.judging.ways import Way, begins
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
-from gantryctl.engineering.fault_campaign.ways import Way, begins
 from gantryctl.engineering.faults.bench import FaultBench
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
 from gantryctl.engineering.faults.injection import Injection

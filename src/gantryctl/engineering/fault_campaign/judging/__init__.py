@@ -1,0 +1,1 @@
+"""What is demanded of a scenario beyond the oracle."""

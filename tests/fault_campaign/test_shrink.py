@@ -1,0 +1,98 @@
+"""The smallest scenario that still breaks, and the matrix of every fault in every phase."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.engineering.fault_campaign import shrink as shrinking
+from gantryctl.engineering.fault_campaign.draw import random_scenario
+from gantryctl.engineering.fault_campaign.matrix import CELLS, Cell, cell, no_sense, run_cell
+from gantryctl.engineering.fault_campaign.play import Played
+from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.engineering.fault_campaign.shrink import shrink
+from gantryctl.engineering.faults.case import Phase
+from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
+from gantryctl.engineering.faults.oracle.axis_oracle import Violation
+from gantryctl.errors import UsageError
+
+pytestmark = pytest.mark.can
+
+
+def breaks_on(monkeypatch: pytest.MonkeyPatch, number: str, deed: str) -> None:
+    """An axis that breaks INV-3 where this fault meets this deed, whatever else there is."""
+
+    def played(scenario: Scenario) -> Played:
+        fault = any(each.number == number for each in scenario.faults)
+        asked = any(each.do == deed and each.at_s < scenario.duration_s for each in scenario.actions)
+        found = (Violation("INV-3", 20.0, "far"),) if fault and asked and scenario.duration_s > 20.0 else ()
+        return Played(scenario, violations=found)
+
+    monkeypatch.setattr(shrinking, "play", played)
+
+
+def test_only_what_is_needed_to_break_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = next(
+        each
+        for each in (random_scenario(1, seed) for seed in range(500))
+        if len(each.faults) == 3 and any(action.do == "jog" and action.at_s < 20.0 for action in each.actions)
+    )
+    number = drawn.faults[1].number
+    breaks_on(monkeypatch, number, "jog")
+    said: list[str] = []
+    found = shrink(drawn, said.append)
+    left = found.played.scenario
+    assert [each.number for each in left.faults] == [number]
+    assert [each.do for each in left.actions] == ["jog"]
+    assert (left.plant_seed, left.duration_s, found.invariant) == (None, 20.2, "INV-3")
+    assert left.faults[0].at_s == round(left.faults[0].at_s)
+    assert said
+    few = shrink(drawn, said.append, trials_max=3)
+    assert few.trials <= 4
+
+
+def test_what_does_not_break_is_not_shrunk() -> None:
+    with pytest.raises(UsageError, match="nothing breaks"):
+        shrink(Scenario(duration_s=0.5, scan_ms=10.0), print)
+
+
+def test_every_cell_of_the_matrix_has_one_number() -> None:
+    assert 8 * 5 * 12 * 3 * len(CATALOGUE) <= CELLS
+    seen = {number * 100_003 % CELLS for number in range(CELLS)}
+    assert len(seen) == CELLS
+    sample = [cell(number) for number in range(2000)]
+    assert {each.phase for each in sample} == set(Phase)
+    assert {each.scan_ms for each in sample} == {1.0, 4.0, 10.0}
+    assert len({each.angle_deg for each in sample}) == 12
+    assert len({each.case.number for each in sample}) == len(CATALOGUE)
+    with pytest.raises(UsageError, match="has cells 0 to"):
+        cell(CELLS)
+
+
+def at(
+    number: str, phase: Phase, drive: str = "sim", speed_deg_s: float = 6.0, angle_deg: float = 45.0
+) -> Cell:
+    return Cell(
+        fault_case(number), "bus" if drive == "bus" else "sim", phase, speed_deg_s, angle_deg, 10.0, "drive"
+    )
+
+
+def test_a_cell_without_sense_has_its_reason() -> None:
+    assert no_sense(at("E1", Phase.CRUISE)) == "only on a bus"
+    assert no_sense(at("A4", Phase.CRUISE, "bus")) == "only on the simulated drive"
+    assert (
+        no_sense(at("A2", Phase.HOLD))
+        == "phase 'held by torque because the brake is not trusted': for its own rows"
+    )
+    assert no_sense(at("A2", Phase.OFF, speed_deg_s=1.0)) == "a phase at standstill has no speed: run once"
+    assert (
+        run_cell(at("A2", Phase.CRUISE, angle_deg=-165.0))["refused"]
+        == "the run-up does not fit into the travel"
+    )
+
+
+def test_a_cell_is_run_and_judged() -> None:
+    found = run_cell(at("D1", Phase.CRUISE, speed_deg_s=1.0))
+    assert (found["violations"], found["stops"], found["refused"]) == ([], "DRV-01", "")
+    assert found["way_deg"] < found["limit_deg"]
+    elsewhere = run_cell(at("A7", Phase.ENABLED))
+    assert (elsewhere["violations"], elsewhere["stops"]) == ([], "")

@@ -1,0 +1,114 @@
+"""Bugs for the fault campaign to find: each is planted in the program, and seeds are played until one breaks.
+
+`python -m support.fault_liars --seeds 2000` (with `tests` on PYTHONPATH) prints the first seed that finds each. Seeds
+that hold nothing on which the bug could act are counted and not played: there the program does the same as without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import pytest
+
+from gantryctl.engineering.fault_campaign.draw import random_scenario
+from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.program.alarms import log
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.gantry import GantryProgram
+from gantryctl.program.power.phases import PowerPhase
+from gantryctl.program.power.sequence import PowerSequence
+
+SCAN_MS: Final = 4.0
+
+
+class Liar(NamedTuple):
+    """A bug: how it is planted, and where it could act."""
+
+    plant: Callable[[pytest.MonkeyPatch], None]
+    acts: Callable[[Scenario], bool]
+
+
+def _reacts(reaction: Reaction, *codes: Code) -> Callable[[pytest.MonkeyPatch], None]:
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        for code in codes:
+            patch.setitem(log.ALARMS, code, log.ALARMS[code]._replace(reaction=reaction))
+
+    return plant
+
+
+def _has(*numbers: str) -> Callable[[Scenario], bool]:
+    return lambda scenario: any(fault.number in numbers for fault in scenario.faults)
+
+
+def _no_lease(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(GantryProgram, "_check_lease", lambda self: None)
+
+
+def _torque_before_brake(patch: pytest.MonkeyPatch) -> None:
+    def closing(self: Any, pos_rad: float) -> None:
+        self._enter(PowerPhase.DISABLING)
+
+    patch.setattr(PowerSequence, "_closing", closing)
+
+
+def _always_valid(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Feedback, "position_valid", True)
+
+
+LIARS: Final[dict[str, Liar]] = {
+    "a quick stop on an encoder that freezes or turns its sign": Liar(
+        _reacts(
+            Reaction.QUICK_STOP, Code.ENC_02, Code.ENC_12, Code.ENC_14, Code.CTL_05, Code.CTL_03, Code.BRK_14
+        ),
+        _has("A2", "A15b", "A2c", "A3"),
+    ),
+    "a limit switch that only warns": Liar(_reacts(Reaction.W, Code.LIM_03, Code.LIM_04), _has("G3", "G4")),
+    "a lease that never runs out": Liar(
+        _no_lease, lambda scenario: any(each.lease_s is not None for each in scenario.actions)
+    ),
+    "torque taken off before the brake has closed": Liar(
+        _torque_before_brake, lambda scenario: scenario.brake_owner == "object_60FE" or scenario.beside
+    ),
+    "an angle that is called valid whatever the reading says": Liar(
+        _always_valid, _has("A1", "A1b", "A2", "A2b", "A10", "A15b")
+    ),
+    "a brake that slips without torque coming back": Liar(
+        _reacts(Reaction.W, Code.BRK_03, Code.BRK_04), _has("C3", "C4")
+    ),
+}
+
+
+def found_by(liar: Liar, seed: int) -> list[str]:
+    """What breaks in a seed with the bug."""
+    with pytest.MonkeyPatch.context() as patch:
+        liar.plant(patch)
+        return [str(each) for each in play(random_scenario(1, seed, SCAN_MS)).violations]
+
+
+def main() -> int:
+    """Find each; 1 when one was not found."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=2000)
+    asked, missed = parser.parse_args(), 0
+    for name, liar in LIARS.items():
+        played = 0
+        for seed in range(asked.seeds):
+            if not liar.acts(random_scenario(1, seed, SCAN_MS)):
+                continue
+            played += 1
+            if broken := found_by(liar, seed):
+                print(f"{name}: seed {seed}, the {played}. that it could act on: {broken[0]}", flush=True)
+                break
+        else:
+            missed += 1
+            print(f"{name}: not found in {asked.seeds} seeds", flush=True)
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
