@@ -61,12 +61,7 @@ def _always_valid(patch: pytest.MonkeyPatch) -> None:
 
 
 LIARS: Final[dict[str, Liar]] = {
-    "a quick stop on an encoder that freezes or turns its sign": Liar(
-        _reacts(
-            Reaction.QUICK_STOP, Code.ENC_02, Code.ENC_12, Code.ENC_14, Code.CTL_05, Code.CTL_03, Code.BRK_14
-        ),
-        _has("A2", "A15b", "A2c", "A3"),
-    ),
+    "an encoder alarm that only warns": Liar(_reacts(Reaction.W, Code.ENC_05), _has("A6")),
     "a limit switch that only warns": Liar(_reacts(Reaction.W, Code.LIM_03, Code.LIM_04), _has("G3", "G4")),
     "a lease that never runs out": Liar(
         _no_lease, lambda scenario: any(each.lease_s is not None for each in scenario.actions)

@@ -110,7 +110,7 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
     Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", "DRV-01", "DRV-04"),
     Place.FRAME: ("CAN-", "DRV-", *_CONTROL, "ENC-01"),
-    Place.NODE: ("CAN-16", "DRV-04", "INT-", "LIM-", "PWR-", "BRK-", "ENC-07", *_CONTROL),
+    Place.NODE: ("CAN-16", "DRV-03", "DRV-04", "INT-", "LIM-", "PWR-", "BRK-", "ENC-07", *_CONTROL),
     Place.CLOCK: ("SYS-02", "SYS-03", "CAN-", "DRV-", *_CONTROL, "ENC-01"),
     Place.PROCESS: (),
     Place.OPERATOR: ("INT-06",),

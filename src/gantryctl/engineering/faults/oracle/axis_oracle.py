@@ -10,7 +10,7 @@ from gantryctl.engineering.faults.oracle import limits
 from gantryctl.engineering.faults.oracle.limits import REFERENCE, Bounds, StopClass
 from gantryctl.engineering.faults.oracle.silence import Silence
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
-from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
+from gantryctl.image import DriveRequest, Mode, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm
@@ -283,10 +283,14 @@ class AxisOracle:
         if type(self.program) is not GantryProgram:
             self._origin_ms = math.inf
             return
+        if self._feedback_fault():
+            # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
+            # that is judged by INV-1.
+            return
         operator = self._operator
         key = operator.forward is not operator.reverse and operator.power
         if key and now - self._lease_ms <= _LEASE_MS:
-            self._origin_ms = now + 50
+            self._origin_ms = now + self._comes_to_rest(self._axis.settings.ramps.jog_release_dec_rad_s2)
         else:
             self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
 
@@ -317,11 +321,15 @@ class AxisOracle:
             # A key is refused while the axis moves, and the move goes on, also when the key is let go.
             self._key_counts = -self._settled < self._vel < self._settled
             if self._key_counts:
-                self._origin_ms, self._target = math.inf, None
+                self._target = None
+                # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
+                held = op.mode is Mode.CONTINUOUS
+                rest_ms = self._comes_to_rest(ramps.jog_release_dec_rad_s2)
+                self._origin_ms = now + rest_ms if held else math.inf
         if stopping:
             self._origin_ms = now + self._comes_to_rest(min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2))
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
-        if released and op.mode.value == 1 and self._key_counts:
+        if released and op.mode is Mode.CONTINUOUS and self._key_counts:
             self._origin_ms = now + self._comes_to_rest(ramps.jog_release_dec_rad_s2)
 
     def _requested(self, request: DriveRequest) -> None:

@@ -1,0 +1,61 @@
+"""Seeds that once broke something hold today; those of a fault that is known and open still break."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gantryctl.engineering.fault_campaign.draw import random_scenario
+from gantryctl.engineering.fault_campaign.play import play
+from support.fault_liars import LIARS, SCAN_MS, found_by
+
+pytestmark = pytest.mark.can
+SEEDS: dict[str, list[dict[str, Any]]] = tomllib.loads(
+    (Path(__file__).parents[1] / "data" / "fault_seeds.toml").read_text()
+)
+FOUND = {"a limit switch that only warns": 70, "a lease that never runs out": 3}
+"""First seed that finds a planted bug; `python -m support.fault_liars` finds the others."""
+
+
+def rows(which: str) -> list[object]:
+    """The bus takes more than a second each."""
+    return [
+        pytest.param(row, id=str(row["number"]), marks=[pytest.mark.slow] if row["drive"] == "bus" else [])
+        for row in SEEDS[which]
+    ]
+
+
+@pytest.mark.parametrize("row", rows("seed"))
+def test_a_seed_that_once_broke_holds(row: dict[str, Any]) -> None:
+    played = play(random_scenario(1, row["number"], SCAN_MS))
+    assert played.scenario.drive == row["drive"]
+    assert played.ok, (row["why"], played.violations)
+
+
+@pytest.mark.parametrize("row", rows("open"))
+def test_an_open_fault_is_still_seen(row: dict[str, Any]) -> None:
+    """When it is mended its seed goes up into the list of those that hold."""
+    assert not play(random_scenario(1, row["number"], SCAN_MS)).ok, row["why"]
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_a_planted_bug_is_found(name: str) -> None:
+    assert play(random_scenario(1, FOUND[name], SCAN_MS)).ok
+    assert found_by(LIARS[name], FOUND[name])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("first", range(0, 5000, 250))
+def test_five_thousand_seeds(first: int) -> None:
+    """In twenty parts, so that a run that was ended goes on with `-k`; `gantryctl faults campaign` uses every core."""
+    opened = {row["number"] for row in SEEDS["open"]}
+    broken = [
+        (seed, played.violations)
+        for seed in range(first, first + 250)
+        if seed not in opened and not (played := play(random_scenario(1, seed, SCAN_MS))).ok
+    ]
+    assert broken == []
