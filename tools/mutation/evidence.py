@@ -43,7 +43,7 @@ def summary(
         "severe": len(severe),
         "severe_killed": sum(change.severe for change in killed),
         "timeouts": sum(trial.fate == "timeout" for _, trial in tried),
-        "possible": len(list(changes)),
+        "drawn": len(list(changes)),
     }
 
 

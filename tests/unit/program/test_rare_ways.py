@@ -71,6 +71,34 @@ def test_a_load_that_falls_while_the_brake_opens_is_caught(way):
     assert not rig.output.brake_open
 
 
+def test_no_power_is_asked_for_while_the_torque_holds_a_load_that_slipped():
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING)
+    rig.run(0.06)
+    slip(rig, 0.025)
+    rig.run(0.1)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    rig.op(power=True)
+    assert "still being switched off" in rig.refused()
+    rig.run(0.1)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    assert not rig.output.brake_open
+
+
+@pytest.mark.parametrize("period_s", [0.001, 0.004, 0.010])
+def test_a_brake_that_closes_at_standstill_is_told_after_its_time(period_s):
+    rig = Rig(config=settings(period_s=period_s))
+    rig.power_up()
+    rig.spoil = lambda drive: drive._replace(brake_open=False)
+    start = rig.scan
+    rig.until(lambda: bool(rig.codes), 1.0)
+    assert rig.codes == ["BRK-06"]
+    assert (rig.scan - start) * period_s == pytest.approx(0.3, abs=1e-9)
+    assert rig.axis.alarms.active["BRK-06"].values["time_ms"] == pytest.approx(300.0)
+
+
 def test_a_drive_that_stays_enabled_is_told():
     rig = Rig()
     rig.power_up()
