@@ -37,7 +37,8 @@ _CLASSES: Final = frozenset(
 _LEAST_DEG_S: Final = 0.6
 # s: what lasts less may be over before it is believed.
 _LASTS_S: Final = 0.5
-_GRID_DEG_S: Final = (0.0, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+# A stop from no speed at all has no simulation.
+_GRID_DEG_S: Final = (0.01, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 # deg/s, a tenth of which the oracle calls rest too; and for how long.
 _REST_DEG_S: Final = 0.05
 _RESTS_S: Final = 0.2
@@ -118,7 +119,7 @@ class Way:
         return max(known, own)
 
     def _of_class(self, machine: Machine, case: FaultCase, speed: float) -> float:
-        limit = limit_deg(machine, case.reaction, speed, case.seen_by)
+        limit = limit_deg(machine, case.reaction, max(speed, _GRID_DEG_S[0]), case.seen_by)
         if self._no_torque:
             limit = max(limit, limit_deg(machine, ReactionClass.TORQUE_OFF, speed, SeenBy.RAMP))
         return limit
