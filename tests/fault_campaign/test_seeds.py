@@ -16,7 +16,7 @@ pytestmark = pytest.mark.can
 SEEDS: dict[str, list[dict[str, Any]]] = tomllib.loads(
     (Path(__file__).parents[1] / "data" / "fault_seeds.toml").read_text()
 )
-FOUND = {"a limit switch that only warns": 70, "a lease that never runs out": 3}
+FOUND = {"a limit switch that only warns": 70, "a lease that never runs out": 22}
 """First seed that finds a planted bug; `python -m support.fault_liars` finds the others."""
 
 

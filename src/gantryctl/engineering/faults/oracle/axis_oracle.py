@@ -303,7 +303,8 @@ class AxisOracle:
         """New levels of the operator: what is asked for, and until when."""
         last, self._operator, now = self._operator, op, self.ms
         ramps = self._axis.settings.ramps
-        if op.lease != last.lease:
+        renewed = op.lease != last.lease
+        if renewed:
             self._lease_ms = now
         if op.power and not last.power:
             self._power_until = math.inf
@@ -323,9 +324,15 @@ class AxisOracle:
             if self._key_counts:
                 self._target = None
                 # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
-                held = op.mode is Mode.CONTINUOUS
-                rest_ms = self._comes_to_rest(ramps.jog_release_dec_rad_s2)
-                self._origin_ms = now + rest_ms if held else math.inf
+                self._origin_ms = now + _COMES_TO_REST_MS if op.mode is Mode.CONTINUOUS else math.inf
+        elif renewed and self._key_counts and op.mode is Mode.CONTINUOUS and (op.forward or op.reverse):
+            # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
+            fastest = abs(self._vel) / self._axis.settings.law.ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2
+            ramp_s = (
+                fastest / ramps.jog_release_dec_rad_s2
+                + ramps.jog_release_dec_rad_s2 / ramps.jog_release_jerk_rad_s3
+            )
+            self._origin_ms = now + _LEASE_MS + _SETTLES_MS + 1e3 * ramp_s
         if stopping:
             self._origin_ms = now + self._comes_to_rest(min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2))
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
