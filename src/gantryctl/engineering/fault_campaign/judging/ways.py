@@ -136,6 +136,11 @@ class Way:
             for injection in each.injections():
                 if injection.kind == "slow":
                     limit += injection.values["late_s"] * speed_deg_s
+                elif injection.kind == "stall":
+                    # The drive goes on with its last command; on a bus until its own deadline, which its class has in.
+                    limit += (
+                        injection.values["late_s"] * speed_deg_s if self._scenario.drive == "sim" else 0.0
+                    )
                 elif injection.where == "brake" and injection.kind == "torque":
                     share = injection.values["share"]
                     limit = limit / share if share > 0.0 else math.inf

@@ -319,8 +319,11 @@ class AxisOracle:
             # It takes over from a key, which then ends nothing when it is let go.
             self._key_counts = False
         elif pressed:
-            # A key is refused while the axis moves, and the move goes on, also when the key is let go.
-            self._key_counts = -self._settled < self._vel < self._settled
+            # A key is refused while the axis moves, and the move goes on, also when the key is let go; on the ramp of
+            # the last key one of the same direction is taken.
+            rests = -self._settled < self._vel < self._settled
+            ramp = self._target is None and (self._vel > 0.0) is op.forward
+            self._key_counts = rests or ramp
             if self._key_counts:
                 self._target = None
                 # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
