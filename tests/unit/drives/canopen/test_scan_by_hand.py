@@ -1,0 +1,172 @@
+"""Scans of a drive on the bench by hand: frames are changed on their way, or read on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from gantryctl.drives.canopen.bus.link import Frame
+from gantryctl.image import DriveRequest, DriveState, LinkFlag, OutputImage
+from unit.drives.canopen.canopen_bench import Bench
+
+pytestmark = pytest.mark.can
+
+TPDO_1, RPDO_1, SDO, HEARTBEAT = 0x182, 0x202, 0x602, 0x77F
+S, R = DriveState, DriveRequest
+
+
+def statuswords(bench: Bench, monkeypatch: pytest.MonkeyPatch, change: Callable[[int], int]) -> None:
+    """From now on 6041 (bytes 0 and 1 of TPDO 1) is changed on its way."""
+    receive = bench.link.receive
+
+    def changed(wait: float) -> Frame | None:
+        frame = receive(wait)
+        if frame is None or frame.can_id != TPDO_1:
+            return frame
+        word = change(int.from_bytes(frame.data[:2], "little"))
+        return Frame(TPDO_1, word.to_bytes(2, "little") + frame.data[2:])
+
+    monkeypatch.setattr(bench.link, "receive", changed)
+
+
+def sent_from_now(bench: Bench, monkeypatch: pytest.MonkeyPatch, can_id: int) -> list[str]:
+    """Data of the frames with an identifier, in hexadecimal."""
+    sent: list[str] = []
+    send = bench.link.send
+
+    def listen(identifier: int, data: bytes) -> bool:
+        if identifier == can_id:
+            sent.append(data.hex(" "))
+        return send(identifier, data)
+
+    monkeypatch.setattr(bench.link, "send", listen)
+    return sent
+
+
+def test_behind_more_frames_than_a_scan_takes_no_position_is_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A scan takes 500. Telegrams behind the rest may answer any SYNC, so the position is one scan old."""
+    bench = Bench().open().enable()
+    waiting: list[Frame] = []
+    receive = bench.link.receive
+    monkeypatch.setattr(bench.link, "receive", lambda wait: waiting.pop() if waiting else receive(wait))
+    ages = []
+    for frames in (0, 499, 600, 0):
+        waiting += [Frame(0x701, b"\x05")] * frames
+        ages.append(bench.scan().age_scans)
+    assert ages == [0, 0, 1, 0]
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(("bit", "limited"), [(9, False), (10, False), (11, True), (12, False)])
+def test_bit_11_of_the_statusword_is_the_internal_limit(
+    monkeypatch: pytest.MonkeyPatch, bit: int, limited: bool
+) -> None:
+    bench = Bench().open().enable()
+    assert not bench.scan().torque_limited
+    # Bits 0 to 8 are what the drive says: it is enabled.
+    statuswords(bench, monkeypatch, lambda word: word & 0x01FF | 1 << bit)
+    assert bench.scan().torque_limited is limited
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(("request_", "word"), [(R.QUICK_STOP, "02 00"), (R.DISABLE, "00 00")])
+def test_a_telegram_without_the_request_to_run_carries_no_speed(
+    monkeypatch: pytest.MonkeyPatch, request_: DriveRequest, word: str
+) -> None:
+    """Bytes 0 and 1 are 6040, 2 to 5 are 60FF."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    bench.scan(speed_deg_s=1.0)
+    bench.scan(request_, 1.0)
+    assert sent[0].startswith("0f 00")
+    assert sent[0][6:17] != "00 00 00 00"
+    assert sent[1][:17] == f"{word} 00 00 00 00"
+    bench.drive.close()
+
+
+def test_the_preload_goes_out_before_the_drive_is_enabled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive opens its brake on the way to Operation enabled: 60B2 (bytes 6, 7) holds the load by then."""
+    bench = Bench().open()
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    seen = {}
+    for _ in range(100):
+        state = bench.drive.read().state
+        bench.drive.write(OutputImage(R.ENABLE, 0.0, 25.7, brake_open=True))
+        seen[state] = sent[-1][-5:]
+    # 25.7 N m are 100 per mille of 257 N m.
+    assert [seen[state] for state in (S.READY_TO_SWITCH_ON, S.SWITCHED_ON, S.OPERATION_ENABLED)] == [
+        "00 00", "64 00", "64 00",
+    ]  # fmt: skip
+    bench.drive.close()
+
+
+def test_a_drive_is_enabled_from_the_moment_it_follows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit 12 of 6041: the drive follows 60FF. Until then its brake opens, and no speed goes out."""
+    bench, mask = Bench().open(), [0xEFFF]
+    statuswords(bench, monkeypatch, lambda word: word & mask[0])
+    assert bench.run(0.4).state is S.SWITCHED_ON
+    mask[0] = 0xFFFF
+    assert bench.run(0.01).state is S.OPERATION_ENABLED
+    # Once it has followed it is enabled, whatever it says: it may turn.
+    mask[0] = 0xEFFF
+    assert bench.run(0.01).state is S.OPERATION_ENABLED
+    bench.drive.close()
+
+
+def test_a_drive_in_another_mode_is_not_enabled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """6061 is asked for every 0.1 s; 8 is a mode of positions."""
+    bench = Bench().open()
+    receive = bench.link.receive
+
+    def answered(wait: float) -> Frame | None:
+        frame = receive(wait)
+        mode = frame is not None and (frame.can_id, frame.data[:4].hex(" ")) == (0x582, "4f 61 60 00")
+        return Frame(0x582, bytes.fromhex("4F 61 60 00 08 00 00 00")) if mode else frame
+
+    monkeypatch.setattr(bench.link, "receive", answered)
+    assert bench.run(0.5, R.DISABLE).link & LinkFlag.WRONG_MODE
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    bench.run(0.1)
+    assert {data[:5] for data in sent} == {"00 00"}
+    bench.drive.close()
+
+
+def test_a_turning_drive_that_takes_no_command_gets_no_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So its own watch stops it. Its heartbeat says within 50 ms that it is not operational."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    sent = sent_from_now(bench, monkeypatch, HEARTBEAT)
+    bench.run(0.2, speed_deg_s=1.0)
+    assert sent
+    bench.event("nmt", state="PRE_OPERATIONAL")
+    bench.run(0.06, speed_deg_s=1.0)
+    sent.clear()
+    bench.run(0.2, speed_deg_s=1.0)
+    assert not sent
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(
+    ("changes", "off"),
+    [
+        ({}, True), ({"vel_act_rad_s": 0.5}, False), ({"vel_act_rad_s": -0.5}, False), ({"brake_open": True}, False),
+        ({"age_scans": 1}, False), ({"state": S.UNKNOWN}, False), ({"state": S.OPERATION_ENABLED}, False),
+        ({"state": S.QUICK_STOP_ACTIVE}, False), ({"state": S.FAULT_REACTION_ACTIVE}, False),
+        ({"state": S.FAULT}, True),
+    ],
+)  # fmt: skip
+def test_only_a_drive_that_shows_off_and_at_rest_loses_its_watch(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, object], off: bool
+) -> None:
+    """Its watch over the heartbeat of the controller is 1016:01."""
+    bench = Bench().open()
+    at_rest = bench.run(0.1, R.DISABLE)
+    monkeypatch.setattr(bench.drive, "read", lambda: at_rest._replace(**changes))
+    monkeypatch.setattr(bench.drive, "write", lambda _: None)
+    sent = sent_from_now(bench, monkeypatch, SDO)
+    bench.drive.close()
+    assert ("23 16 10 01 00 00 00 00" in sent) is off
