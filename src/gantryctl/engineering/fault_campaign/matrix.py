@@ -19,6 +19,7 @@ from gantryctl.engineering.faults.oracle.excused import EXCUSED
 from gantryctl.engineering.faults.oracle.taps import Oracle, tapped, watching
 from gantryctl.engineering.faults.run import DriveKind, FaultResult, run_fault
 from gantryctl.errors import ConfigError, UsageError
+from gantryctl.program.alarms.codes import Code
 
 DRIVES: Final[tuple[DriveKind, ...]] = ("sim", "bus")
 PHASES: Final = tuple(Phase)
@@ -147,7 +148,7 @@ def _reason(text: str) -> str:
 def _elsewhere(at: Cell, result: FaultResult) -> list[str]:
     """What is demanded of a row in a phase that is not its own: nothing enables by itself, no warning stops."""
     found = []
-    holds = "BRK-03" in result.codes or "BRK-04" in result.codes
+    holds = Code.BRK_03 in result.codes or Code.BRK_04 in result.codes
     if result.enables > int(at.case.hold or holds):
         found.append(f"the drive was enabled {result.enables} times after the alarm; nobody asked for it")
     if (

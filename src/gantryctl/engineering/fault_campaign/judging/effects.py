@@ -101,19 +101,39 @@ def _without_brake(each: Injection) -> bool:
 
 # Families of alarms by the place where a fault acts. What a fault of one place may show as first depends on what the
 # axis does at that moment: an encoder that lies shows as control that is lost, a drive without torque too.
-_CONTROL: Final = ("CTL-", "ENC-02", "ENC-12", "ENC-14", "BRK-13", "BRK-14", "DRV-13")
+_CONTROL: Final = ("CTL-", Code.ENC_02, Code.ENC_12, Code.ENC_14, Code.BRK_13, Code.BRK_14, Code.DRV_13)
 _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
-    Place.ENCODER: ("ENC-", *_CONTROL, "BRK-03", "BRK-04"),
+    Place.ENCODER: ("ENC-", *_CONTROL, Code.BRK_03, Code.BRK_04),
     # A drive that restarts, or sends two thousand emergencies at once, shows on the bus too: no answer, no room.
-    Place.DRIVE: ("DRV-", "CAN-", *_CONTROL, "BRK-01", "BRK-03", "BRK-04", "BRK-05", "BRK-06", "BRK-07"),
+    Place.DRIVE: (
+        "DRV-",
+        "CAN-",
+        *_CONTROL,
+        Code.BRK_01,
+        Code.BRK_03,
+        Code.BRK_04,
+        Code.BRK_05,
+        Code.BRK_06,
+        Code.BRK_07,
+    ),
     Place.BRAKE: ("BRK-", *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
-    Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", "DRV-01", "DRV-04"),
-    Place.FRAME: ("CAN-", "DRV-", *_CONTROL, "ENC-01"),
-    Place.NODE: ("CAN-16", "DRV-03", "DRV-04", "INT-", "LIM-", "PWR-", "BRK-", "ENC-07", *_CONTROL),
-    Place.CLOCK: ("SYS-02", "SYS-03", "CAN-", "DRV-", *_CONTROL, "ENC-01"),
+    Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", Code.DRV_01, Code.DRV_04),
+    Place.FRAME: ("CAN-", "DRV-", *_CONTROL, Code.ENC_01),
+    Place.NODE: (
+        Code.CAN_16,
+        Code.DRV_03,
+        Code.DRV_04,
+        "INT-",
+        "LIM-",
+        "PWR-",
+        "BRK-",
+        Code.ENC_07,
+        *_CONTROL,
+    ),
+    Place.CLOCK: (Code.SYS_02, Code.SYS_03, "CAN-", "DRV-", *_CONTROL, Code.ENC_01),
     Place.PROCESS: (),
-    Place.OPERATOR: ("INT-06",),
+    Place.OPERATOR: (Code.INT_06,),
 }
 
 
