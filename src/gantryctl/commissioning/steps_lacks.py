@@ -162,6 +162,7 @@ def _push(axis: OpenLoopAxis, torque_nm: float, most_nm: float) -> float:
         if not abs(seen) <= most_nm:
             axis.stop_for(f"{seen:+.1f} N m given, {most_nm:.1f} N m are the limit of the drive")
         given = seen
-    axis.run(0.2, torque_nm=-axis.feedback.torque_act_nm, brake=False)
+    # The speed loop has a torque of its own against the closed brake: what is left of it is taken out.
+    axis.run(0.2, torque_nm=torque_nm - axis.feedback.torque_act_nm, brake=False)
     axis.run(0.3, DriveRequest.DISABLE, brake=False)
     return given

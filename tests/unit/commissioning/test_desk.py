@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import Commissioning, Step
+from gantryctl.commissioning import Commissioning, Outcome, Step, StepResult
 from gantryctl.commissioning.in_service.board import Board
 from gantryctl.commissioning.in_service.desk import Desk
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.operation.client import Stop
 from gantryctl.operation.store import StateStore
-from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.memory.memory import JournalState, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import FAST, Snapshot
 from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.limits import ARMED_S, SILENCE_S, WATCHED_S
@@ -275,3 +275,34 @@ def test_the_end_is_an_order(room: Room) -> None:
     assert room.desk.next_order() is None
     assert room.tags["commissioning"] == "ending"
     assert room.ask(ANNA, "commission_step", step="identity") == "CTL-14"
+
+
+def test_what_was_armed_is_for_one_step(free_room: Room) -> None:
+    free_room.begun("velocity")
+    free_room.desk.step_ended()
+    assert free_room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
+
+
+def test_a_step_ends_when_nobody_listens_any_more(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    free_room.begun("velocity")
+    halt = free_room.desk.halt
+    halt.listened()
+    later_s = halt._now_s() + 60.0
+    monkeypatch.setattr(halt, "_now_s", lambda: later_s)
+    assert halt.asked()
+
+
+def test_without_a_journal_no_step_begins(room: Room) -> None:
+    assert room.ask(ANNA, "take", over=False) == ""
+    room.memory.words[Word.JOURNAL_STATE] = JournalState.FAILED
+    assert room.ask(ANNA, "commission_step", step="identity") == "JRN-02"
+
+
+@pytest.mark.parametrize(("outcome", "code"), [(Outcome.PASSED, ""), (Outcome.FAILED, "CTL-14")])
+def test_no_step_rests_on_a_failed_one(
+    work: Commissioning, monkeypatch: pytest.MonkeyPatch, outcome: Outcome, code: str
+) -> None:
+    monkeypatch.setitem(work.progress.results, "identity", StepResult("identity", outcome, ""))
+    room = Room(work)
+    assert room.ask(ANNA, "take", over=False) == ""
+    assert room.ask(ANNA, "commission_step", step="encoder") == code

@@ -12,7 +12,7 @@ import pytest
 
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult
 from gantryctl.commissioning import run as commissioning_run
-from gantryctl.commissioning.results import Figure
+from gantryctl.commissioning.results import Figure, Progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.errors import AlarmStop, CommandRefused
@@ -35,6 +35,26 @@ def step(key: str, outcome: Outcome = P, **changes: Any) -> Step:
 
 
 A, B, MAY = step("a"), step("b"), step("c", required=False)
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_proofs_of_another_configuration_do_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: bool
+) -> None:
+    kept = Progress(MACHINE.name, commissioning_run.proven_hash(MACHINE) if own else "0" * 16)
+    kept.results["identity"] = StepResult("identity", P, "")
+    monkeypatch.setattr(commissioning_run, "load_progress", lambda path: kept)
+    with StateStore(MACHINE, tmp_path) as store:
+        work = Commissioning(MACHINE, store, tmp_path, lambda line: None, lambda asked: True)
+        assert (list(work.progress.results), work.resumed) == ((["identity"], True) if own else ([], False))
+
+
+def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
+    # Nobody has asked when the run is about to begin; somebody does before it can be told.
+    monkeypatch.setattr(halt, "check", lambda: halt.ask(Stop.QUICK, "now"))
+    with halt.stops(run):  # type: ignore[arg-type]
+        assert run.stop is Stop.QUICK
 
 
 @pytest.mark.parametrize(

@@ -219,6 +219,17 @@ def test_a_push_never_passes_the_limit_of_the_drive(direction: float) -> None:
     assert abs(drive.wrote[-1].torque_ff_nm) == 0.0
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_push_is_taken_back_and_never_goes_the_other_way(direction: float) -> None:
+    """Beside what is asked for the drive gives 2 N m of its own: 60B2 ends where both are 0 together."""
+    drive = HandDrive(torque_nm=2.0 * direction)
+    steps_lacks._push(axis_of(drive, following=False), direction * 20.0, 30.0)
+    asked = [direction * output.torque_ff_nm for output in drive.wrote if output.request is ENABLE]
+    assert max(asked) == pytest.approx(20.0)
+    assert min(asked) == pytest.approx(-2.0)
+    assert asked[-1] == pytest.approx(-2.0)
+
+
 # --- loop and bands ---------------------------------------------------------------------------------------------------
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -180,6 +181,56 @@ def test_the_own_ramp_is_held_against_ratings_and_computed_stops(
     assert len(asked) == (5 if fits else 1)
     if fits:
         assert found.number(steps_lacks.RAMP_DEG_S2) == pytest.approx(dec, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("decs", "slowest"),
+    [((5.4, 5.2, 5.4, 5.4, 5.4), 5.2), ((5.4, 5.4, 5.4, 5.4, 5.2), 5.2), ((math.nan,), None)],
+)
+def test_the_slowest_ramp_counts_and_one_that_cannot_be_seen_fails(
+    step: Any, monkeypatch: pytest.MonkeyPatch, decs: tuple[float, ...], slowest: float | None
+) -> None:
+    load = SimpleNamespace(torque_motor_nm=1.0, torque_reducer_nm=1.0)
+    monkeypatch.setattr(steps_lacks, "worst_stop", lambda machine, kind, top, hardest: load)
+    monkeypatch.setattr(steps_lacks, "within_ratings", lambda machine, stop: True)
+    left = list(decs)
+    monkeypatch.setattr(steps_lacks, "_stop_from", lambda c, speed: QuickStop(1.0, left.pop(0), 0.0))
+    found = step(steps_lacks, "ramp", HandDrive())
+    if slowest is None:
+        assert (found.outcome, "within three scans" in found.proof) == (Outcome.FAILED, True)
+    else:
+        assert found.number(steps_lacks.RAMP_DEG_S2) == slowest
+
+
+@pytest.mark.parametrize(("state", "stopped"), [(S.SWITCH_ON_DISABLED, True), (S.OPERATION_ENABLED, False)])
+def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
+    monkeypatch: pytest.MonkeyPatch, state: DriveState, stopped: bool
+) -> None:
+    """5.4 deg/s2 from 1 deg/s, after the shorter one of 0.05 and 0.15 s."""
+    asked: list[float] = []
+
+    @contextmanager
+    def at_speed(c: object, what: str, speed: float, way_deg: float) -> Iterator[SimpleNamespace]:
+        yield SimpleNamespace(drive=None, wake=lambda: None)
+
+    def computed(speed: float, dec: float, delay_s: float) -> float:
+        asked.append(delay_s)
+        return 0.1
+
+    ways = [SimpleNamespace(limit_s=lambda drive, s=s: s) for s in (0.15, 0.05)]
+    monkeypatch.setattr(steps_motion, "_ramp_deg_s2", lambda c: 5.4)
+    monkeypatch.setattr(steps_motion, "_at_speed", at_speed)
+    monkeypatch.setattr(steps_motion, "watched_ways", lambda axis: ways)
+    monkeypatch.setattr(steps_motion, "computed_way_deg", computed)
+    monkeypatch.setattr(steps_motion, "_unbraked_way_deg", lambda c: 0.0)
+    seen = silence.SilentDrive(state=state, brake_open=False, way_deg=0.08)
+    monkeypatch.setattr(steps_motion, "fall_silent", lambda axis, silent, speed: seen)
+    if stopped:
+        assert steps_motion._silent_stop(context(), 1.0, []) == ("silence", 0.08, 0.1)
+    else:
+        with pytest.raises(AlarmStop, match="silence at 1 deg/s"):
+            steps_motion._silent_stop(context(), 1.0, [])
+    assert asked == [0.05]
 
 
 # --- silence ----------------------------------------------------------------------------------------------------------
