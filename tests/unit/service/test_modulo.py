@@ -41,6 +41,9 @@ def test_a_move_takes_its_direction_and_a_way_goes_beyond_the_turn() -> None:
     assert arrive(bench) == pytest.approx(740.0, abs=LOAD_DEG)
     bench.do(who, "move", target_deg=10.0, direction="negative")
     assert arrive(bench) == pytest.approx(730.0, abs=LOAD_DEG)
+    # No direction is the shortest way, whatever was asked for before.
+    bench.do(who, "move", target_deg=20.0)
+    assert arrive(bench) == pytest.approx(740.0, abs=LOAD_DEG)
     assert bench.refused(who, "move", target_deg=400.0) == "CTL-01"
     assert bench.refused(who, "move", target_deg=10.0, direction="up") == "SEC-05"
 

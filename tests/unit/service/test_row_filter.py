@@ -67,6 +67,7 @@ def test_at_rest_one_row_in_a_while_is_recorded_and_says_so() -> None:
 EVENTS = {
     "the set-point moves": {"pos_ref_rad": 0.6},
     "a speed": {"vel_ref_rad_s": 1e-9},
+    "a speed the other way": {"vel_ref_rad_s": -1e-9},
     "a state": {"axis_state": 2.0},
     "the axis is pushed": {"pos_act_rad": 0.5 + 1.8e-5},
     "torque": {"torque_act_nm": 19.1},

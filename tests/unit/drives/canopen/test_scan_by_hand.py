@@ -170,3 +170,24 @@ def test_only_a_drive_that_shows_off_and_at_rest_loses_its_watch(
     sent = sent_from_now(bench, monkeypatch, SDO)
     bench.drive.close()
     assert ("23 16 10 01 00 00 00 00" in sent) is off
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_a_wired_contact_tells_the_brake(monkeypatch: pytest.MonkeyPatch, contact: bool) -> None:
+    bench = Bench().open()
+    bench.run(1.0, R.DISABLE)
+    monkeypatch.setattr(bench.drive.beside, "brake_contact", lambda: contact)
+    assert bench.scan(R.DISABLE).brake_open is contact
+    bench.drive.close()
+
+
+def test_a_drive_that_owns_its_brake_closes_it_before_the_torque_goes_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Disable operation (07) as soon as the release is withdrawn; 605C does the rest."""
+    bench = Bench(changes=(("brake.owner", "drive"),)).open().enable()
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    bench.scan()
+    bench.scan(brake_open=False)
+    assert [data[:5] for data in sent] == ["0f 00", "07 00"]
+    bench.drive.close()

@@ -1,0 +1,237 @@
+"""The doors of the gateway by hand: whose role, which page, which host, how long, and who is at the console."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from starlette.requests import Request
+from starlette.websockets import WebSocket
+
+from gantryctl.gateway import access as access_module
+from gantryctl.gateway import peers
+from gantryctl.gateway.access import COOKIE, Access
+from gantryctl.gateway.guard import CSP, Guard, _limited
+from gantryctl.gateway.live import Live
+from gantryctl.gateway.routes import API, ROUTES
+from gantryctl.gateway.sessions import FAILURES
+from gantryctl.gateway.settings import BODY_MAX, Settings
+from gantryctl.gateway.traces import Traces
+from gantryctl.service.clients.console_link import LinkTaker
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.roles import Action, Role
+
+PASSWORD = "correct horse battery"
+HERE = b"127.0.0.1:1"
+JSON = (b"content-type", b"application/json")
+Headers = list[tuple[bytes, bytes]]
+
+
+@pytest.fixture
+def access(tmp_path: Path) -> Iterator[Access]:
+    memory = SharedMemory.create()
+    made = Access(
+        Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path),
+        Hub(memory, Source.WEB),
+        LinkTaker(memory.words),
+    )
+    for role in (Role.OPERATOR, Role.VIEWER):
+        made.users.add(str(role), role, PASSWORD)
+    yield made
+    memory.close()
+
+
+def scope(method: str = "GET", path: str = "/", headers: Headers | None = None) -> dict[str, Any]:
+    return {
+        "type": "http", "method": method, "path": path, "query_string": b"", "scheme": "http",
+        "client": ("192.0.2.7", 1), "server": ("127.0.0.1", 1), "headers": headers or [],
+    }  # fmt: skip
+
+
+def cookie_of(access: Access, role: Role) -> tuple[bytes, bytes]:
+    session = access.sessions.open(access.users.all()[str(role)], "here")
+    return b"cookie", f"{COOKIE}={session.token}".encode()
+
+
+@pytest.mark.parametrize(
+    ("role", "action", "status"),
+    [
+        (None, Action.VIEW, 401), (Role.VIEWER, Action.VIEW, None), (Role.VIEWER, Action.TRACES, 403),
+        (Role.OPERATOR, Action.TRACES, None),
+    ],
+)  # fmt: skip
+def test_a_route_asks_for_its_role(
+    access: Access, role: Role | None, action: Action, status: int | None
+) -> None:
+    headers = [] if role is None else [cookie_of(access, role)]
+    answer = access.refuse(Request(scope(headers=headers)), action)
+    assert (None if answer is None else answer.status_code) == status
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([JSON], None), ([JSON, (b"origin", b"http://127.0.0.1:1")], None),
+        ([JSON, (b"origin", b"http://evil.example")], 403), ([JSON, (b"origin", b"null")], 403),
+        ([(b"content-type", b"text/plain")], 400), ([], 400),
+        ([(b"content-type", b"application/x-www-form-urlencoded")], 400),
+    ],
+)  # fmt: skip
+def test_only_the_own_page_posts_and_only_json(access: Access, headers: Headers, status: int | None) -> None:
+    answer = access.refuse(Request(scope("POST", headers=headers)), None)
+    assert (None if answer is None else answer.status_code) == status
+
+
+def test_evidence_is_for_those_who_may_have_it() -> None:
+    needed = {(each.method, each.path): each.action for each in ROUTES}
+    assert needed["GET", "/status"] is Action.VIEW
+    assert needed["GET", "/traces/{id}"] is Action.TRACES
+    assert needed["GET", "/journal"] is Action.JOURNAL
+
+
+def test_another_role_in_the_file_ends_the_session(access: Access) -> None:
+    session = access.sessions.open(access.users.all()["operator"], "here")
+    assert access.sessions.lives(session)
+    text = access.users.path.read_text(encoding="utf-8")
+    new = text.replace('"role": "operator"', '"role": "viewer"').replace(
+        '"role":"operator"', '"role":"viewer"'
+    )
+    assert new != text
+    access.users.path.write_text(new, encoding="utf-8")
+    assert not access.sessions.lives(session)
+
+
+def test_a_users_file_that_is_renamed_into_place_is_read(access: Access) -> None:
+    """A backup may bring the time of the file before along."""
+    session = access.sessions.open(access.users.all()["operator"], "here")
+    assert access.sessions.lives(session)
+    path = access.users.path
+    then, text = path.stat().st_mtime_ns, path.read_text(encoding="utf-8")
+    access.users.remove("operator")
+    gone = path.read_bytes()
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, ns=(then, then))
+    assert access.sessions.lives(session)
+    beside = path.with_name("beside")
+    beside.write_bytes(gone)
+    os.utime(beside, ns=(then, then))
+    beside.replace(path)
+    assert not access.sessions.lives(session)
+
+
+def test_a_right_password_forgets_the_wrong_ones(access: Access) -> None:
+    async def log_in(password: str) -> int:
+        return (await access.log_in(Request(scope("POST")), "viewer", password)).status_code
+
+    async def tries() -> list[int]:
+        wrong = ["wrong"] * (FAILURES - 1)
+        return [await log_in(each) for each in [*wrong, PASSWORD, *wrong, PASSWORD]]
+
+    found = asyncio.run(tries())
+    assert found == [*[401] * (FAILURES - 1), 200] * 2
+
+
+def test_a_forwarded_browser_is_at_no_console(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(access_module, "local_user", lambda asked: 1000)
+    monkeypatch.setattr(access.links, "take", lambda token, uid: True)
+    tunnel: Headers = [(b"x-forwarded-for", b"192.0.2.9")]
+    assert access.open_console(Request(scope(headers=tunnel)), "0" * 16).status_code == 403
+    assert access.open_console(Request(scope()), "0" * 16).status_code == 303
+
+
+def test_a_console_is_a_cookie_its_user_and_nobody_between(monkeypatch: pytest.MonkeyPatch) -> None:
+    uids = [1000]
+    monkeypatch.setattr(peers, "local_user", lambda asked: uids[0])
+    consoles = peers.Consoles()
+    cookie = consoles.open(1000)
+    assert consoles.proves(scope(), cookie)
+    assert not consoles.proves(scope(), None)
+    assert not consoles.proves(scope(headers=[(b"via", b"1.1 proxy")]), cookie)
+    uids[0] = 1001
+    assert not consoles.proves(scope(), cookie)
+
+
+def guard(access: Access, session: Any = None) -> Guard:
+    return Guard(None, access.settings, lambda connection: session)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([(b"host", HERE)], None), ([(b"host", b"evil.example")], 403), ([(b"host", b"evil.example:1")], 403),
+        ([], 403),
+        ([(b"host", HERE), (b"content-length", str(BODY_MAX).encode())], None),
+        ([(b"host", HERE), (b"content-length", str(BODY_MAX + 1).encode())], 413),
+        ([(b"host", HERE), (b"content-length", b"-1")], 413),
+    ],
+)  # fmt: skip
+def test_only_a_request_to_us_of_a_size_is_taken(
+    access: Access, headers: Headers, status: int | None
+) -> None:
+    answer = guard(access)._refuse(scope("POST", headers=headers))
+    assert (None if answer is None else answer.status_code) == status
+
+
+def test_a_body_in_parts_ends_at_its_limit() -> None:
+    part = b"x" * (BODY_MAX * 3 // 5)
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": part, "more_body": True}
+
+    async def two() -> list[str]:
+        limited = _limited(receive)
+        return [(await limited())["type"] for _ in range(2)]
+
+    assert asyncio.run(two()) == ["http.request", "http.disconnect"]
+
+
+def test_strangers_and_logins_wait_and_who_is_logged_in_does_not(access: Access) -> None:
+    door, inside = guard(access), []
+    door._session = lambda connection: inside[0] if inside else None
+    for path in (f"{API}/status", f"{API}/login"):
+        assert any(door._wait_s(scope(path=path)) > 0.0 for _ in range(10_000))
+    inside.append(SimpleNamespace(token="0" * 32))
+    assert door._wait_s(scope(path=f"{API}/status")) == 0.0
+
+
+def test_no_page_may_frame_ours() -> None:
+    assert "frame-ancestors 'none'" in CSP.split("; ")
+
+
+@pytest.mark.parametrize("origin", [None, b"http://evil.example", b"null"])
+def test_a_websocket_of_another_page_or_of_none_is_refused(access: Access, origin: bytes | None) -> None:
+    sent: list[str] = []
+
+    async def receive() -> Any:
+        return {"type": "websocket.disconnect"}
+
+    async def send(message: Any) -> None:
+        sent.append(str(message["type"]))
+
+    headers = [cookie_of(access, Role.VIEWER)]
+    headers += [] if origin is None else [(b"origin", origin)]
+    connection = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
+    asyncio.run(Live(access, access.hub).serve(WebSocket(connection, receive, send)))
+    assert sent == ["websocket.close"]
+
+
+def test_only_files_of_the_folder_itself_are_recordings(tmp_path: Path) -> None:
+    folder = tmp_path / "traces"
+    folder.mkdir()
+    secret = tmp_path / "secret.parquet"
+    secret.write_bytes(b"secret")
+    (folder / "run.parquet").write_bytes(b"run")
+    (folder / "notes.txt").write_bytes(b"notes")
+    (folder / "link.parquet").symlink_to(secret)
+    traces = Traces(folder)
+    assert [name for name, _, _ in traces._files()] == ["run.parquet"]
+    assert traces._handle("link.parquet") is None
+    found = traces._handle("run.parquet")
+    assert found is not None
+    os.close(found[2])
