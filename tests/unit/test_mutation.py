@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -103,3 +104,25 @@ def test_a_planted_bug_whose_text_is_gone_is_told(tool: Any) -> None:
     bug = {"name": "x", "file": "tools/check_house.py", "old": "no such text", "new": "", "severe": True}
     with pytest.raises(planted.StaleBug, match="stands 0 times"):
         planted.change_of(bug, "tools", ROOT)
+
+
+def test_a_planted_bug_counts_by_what_became_of_it(tool: Any) -> None:
+    from mutation.evidence import planted_summary
+    from mutation.trial import Fate, Trial
+
+    fates = {
+        "a": Fate.KILLED,
+        "b": Fate.TIMEOUT,
+        "c": Fate.SURVIVED,
+        "d": Fate.UNCOVERED,
+        "e": Fate.STALE,
+        "f": None,
+    }
+    rows = []
+    for name, fate in fates.items():
+        change = SimpleNamespace(name=f"planted/x/{name}", severe=name in "acf")
+        rows.append((change, None if fate is None else Trial(change.name, fate)))
+    assert planted_summary("x", rows) == {
+        "name": "x", "bugs": 6, "severe": 3, "tried": 4, "severe_tried": 2, "killed": 2, "survived": 1, "uncovered": 1,
+        "open": ["c", "d"],
+    }  # fmt: skip

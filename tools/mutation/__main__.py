@@ -10,10 +10,11 @@ import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 from mutation import branches, evidence, planted
 from mutation.areas import AREAS, ROOT, area_files
-from mutation.campaign import read_results, run_all
+from mutation.campaign import digest_of, read_results, run_all
 from mutation.mutant import Change
 from mutation.operators import mutants
 from mutation.record import FOLDER_VARIABLE, PART_VARIABLE
@@ -77,9 +78,32 @@ def main() -> int:
         return _show(arguments, chosen)
     argued, trials = evidence.read_argued(ROOT), read_results(arguments.results)
     rows = {area: evidence.summary(area, found, trials, argued) for area, found in chosen.items()}
-    evidence.write(ROOT, {area: row for area, row in rows.items() if row["mutants"]})
-    print(*rows.values(), sep="\n")
+    bugs = {area: _planted_row(area, path, trials) for area, path in _planted_files().items()}
+    evidence.write(
+        ROOT,
+        {area: row for area, row in rows.items() if row["mutants"]},
+        {area: row for area, row in bugs.items() if row["tried"]},
+    )
+    print(*rows.values(), *bugs.values(), sep="\n")
     return 0
+
+
+def _planted_files() -> dict[str, Path]:
+    return {
+        path.stem: path for path in sorted((ROOT / planted.FOLDER).glob("*.toml")) if path.stem != "argued"
+    }
+
+
+def _planted_row(area: str, path: Path, trials: dict[str, Trial]) -> dict[str, Any]:
+    changes = [planted.change_of(bug, area, ROOT) for bug in planted.read_bugs(path)]
+    kept = ((change, trials.get(change.name)) for change in changes)
+    return evidence.planted_summary(
+        area,
+        (
+            (change, trial if trial is not None and trial.digest == digest_of(ROOT, change) else None)
+            for change, trial in kept
+        ),
+    )
 
 
 def _record(folder: Path, part: str, tests: list[str]) -> int:
@@ -105,9 +129,7 @@ def _branches(arguments: argparse.Namespace) -> int:
 
 
 def _planted(arguments: argparse.Namespace) -> int:
-    files = {
-        path.stem: path for path in sorted((ROOT / planted.FOLDER).glob("*.toml")) if path.stem != "argued"
-    }
+    files = _planted_files()
     changes, harms, stale = [], {}, []
     for area in arguments.areas or files:
         for bug in planted.read_bugs(files[area]):

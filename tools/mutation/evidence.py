@@ -47,10 +47,30 @@ def summary(
     }
 
 
-def write(root: Path, found: Mapping[str, Any], name: str = EVIDENCE) -> None:
-    """Replace the rows of these areas, and keep the others."""
+def planted_summary(area: str, tried: Iterable[tuple[Change, Trial | None]]) -> dict[str, Any]:
+    """Counts of one file of planted bugs; a trial is None where the bug was not tried on the sources as they are."""
+    rows = list(tried)
+    done = [(change, trial) for change, trial in rows if trial is not None and trial.fate is not Fate.STALE]
+    lost = [(change, trial) for change, trial in done if trial.fate not in FOUND]
+    return {
+        "name": area,
+        "bugs": len(rows),
+        "severe": sum(change.severe for change, _ in rows),
+        "tried": len(done),
+        "severe_tried": sum(change.severe for change, _ in done),
+        "killed": len(done) - len(lost),
+        "survived": sum(trial.fate is Fate.SURVIVED for _, trial in lost),
+        "uncovered": sum(trial.fate is Fate.UNCOVERED for _, trial in lost),
+        "open": sorted(change.name.rpartition("/")[2] for change, _ in lost),
+    }
+
+
+def write(root: Path, found: Mapping[str, Any], planted: Mapping[str, Any], name: str = EVIDENCE) -> None:
+    """Replace the rows of these areas and files of planted bugs, and keep the others."""
     path = root / name
-    kept = json.loads(path.read_text(encoding="utf-8"))["areas"] if path.exists() else []
-    rows = {row["name"]: row for row in kept} | dict(found)
-    text = json.dumps({"areas": [rows[key] for key in sorted(rows)]}, indent=2) + "\n"
-    path.write_text(text, encoding="utf-8")
+    kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    tables = {}
+    for table, fresh in (("areas", found), ("planted", planted)):
+        rows = {row["name"]: row for row in kept.get(table, [])} | dict(fresh)
+        tables[table] = [rows[key] for key in sorted(rows)]
+    path.write_text(json.dumps(tables, indent=2) + "\n", encoding="utf-8")
