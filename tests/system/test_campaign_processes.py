@@ -37,6 +37,7 @@ def run(campaign: Path, *options: str) -> subprocess.Popen[bytes]:
         return python("gantryctl", "campaign", "run", str(campaign), *options, out=out)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_an_interrupt_and_a_kill_lose_nothing_and_leave_no_process(tmp_path: Path) -> None:
     campaign, result = campaign_file(tmp_path, 128), tmp_path / "r"

@@ -6,6 +6,7 @@ import json
 import re
 from string import Formatter
 
+import pytest
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
 from gantryctl.program import ALARMS
@@ -76,6 +77,7 @@ def english(text: str) -> list[str]:
     return [word for word in re.findall(r"[A-Za-z]{3,}", without_keys) if word not in INTERNATIONAL]
 
 
+@pytest.mark.slow
 def test_every_alarm_is_chinese(context: BrowserContext, page_service: Service) -> None:
     """All codes at once, put into what the service sends."""
     rows = [row(number, definition) for number, definition in enumerate(ALARMS.values(), 1)]
