@@ -286,7 +286,6 @@ def test_what_was_armed_is_for_one_step(free_room: Room) -> None:
 def test_a_step_ends_when_nobody_listens_any_more(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     free_room.begun("velocity")
     halt = free_room.desk.halt
-    halt.listened()
     later_s = halt._now_s() + 60.0
     monkeypatch.setattr(halt, "_now_s", lambda: later_s)
     assert halt.asked()

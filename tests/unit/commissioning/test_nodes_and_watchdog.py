@@ -73,8 +73,9 @@ def test_a_watchdog_relay_makes_up_for_a_drive_that_watches_nothing(
 ) -> None:
     result, way_deg, work = do("watchdog", tmp_path, monkeypatch, UNWATCHED | where)
     assert result.outcome is Outcome.PASSED, result
-    # The relay opens 100 ms after the last edge, which is a quarter of that old at the most; then four scans and 10 ms.
-    assert 0.070 < result.number("silent_stop_s") < 0.130
+    # The relay opens 100 ms after the last edge, which may have been a quarter of that old when silence began; then
+    # four scans and 10 ms. What counts is the longest that it may take, not what was seen once.
+    assert 0.100 <= result.number("silent_stop_s") < 0.130
     assert way_deg < 0.05
     rows = {row.what: row for row in work.ledger}
     for what in ("stops_without_commands", "stops_without_controller"):

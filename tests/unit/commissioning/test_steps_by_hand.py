@@ -338,3 +338,31 @@ def test_the_proposed_zero_takes_the_difference_out() -> None:
     """The ring shows 0.9 deg more than the motor: its zero lies 0.0025 of a turn higher."""
     encoder = RING.can.load_encoder
     assert zero_proposed(RING, 0.9) - encoder.zero_counts == round(0.0025 * encoder.counts_per_turn)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "passes"), [(1.0, True), (0.81, True), (0.79, False), (0.5, False), (1.25, False)]
+)
+def test_increments_of_a_turn_by_the_way_of_a_speed_in_r_min(ratio: float, passes: bool) -> None:
+    """8192 set; a drive with 4096 turns half as far as its reading says: 20 % either way."""
+    figures: dict[str, Figure] = {}
+    settings = SimpleNamespace(increments_per_turn=8192, speed_in_increments=False)
+    told = steps_sign._counts(SimpleNamespace(), settings, ratio, {}, figures)  # type: ignore[arg-type]
+    (figure,) = figures.values()
+    assert figure.within is passes
+    assert f"{8192 * ratio:.0f} increments in a turn, set to 8192" in told
+
+
+@pytest.mark.parametrize(
+    ("seen", "passes"), [(1.0, True), (0.96, True), (0.93, False), (0.5, False), (1.06, False)]
+)
+def test_increments_of_a_turn_by_the_ceiling_of_the_speed(
+    seen: float, passes: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """6080 is in r/min in every drive: 5 % either way of what is set."""
+    monkeypatch.setattr(steps_sign, "_at_ceiling", lambda _: seen)
+    figures: dict[str, Figure] = {}
+    settings = SimpleNamespace(increments_per_turn=8192, speed_in_increments=True)
+    steps_sign._counts(SimpleNamespace(), settings, 1.0, {0x6080: 1}, figures)  # type: ignore[arg-type]
+    (figure,) = figures.values()
+    assert figure.within is passes
