@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from gantryctl.commissioning import steps_bus
 from gantryctl.commissioning.results import Outcome
+from gantryctl.operation.home_reference import AbsoluteReading, RestVerdict
 from unit.commissioning.hand_drive import HandDrive, context, opens
 
 SPAN = 2**31
@@ -87,3 +89,25 @@ def bus_drive(pdo: int, sdo: int, missed: tuple[int, ...] = (0, 0)) -> HandDrive
     counters = SimpleNamespace(scans=1000, missed=missed, late=(0, 0))
     drive.health = lambda: counters  # type: ignore[attr-defined]
     return drive
+
+
+@pytest.mark.parametrize(
+    ("verdict", "angle_deg", "outcome"),
+    [
+        (RestVerdict.OK, 12.5, Outcome.PASSED),
+        (RestVerdict.OK, None, Outcome.FAILED),
+        (RestVerdict.MOVED, 12.5, Outcome.FAILED),
+        (RestVerdict.OTHER_ENCODER, 12.5, Outcome.FAILED),
+        (RestVerdict.TURNS, 12.5, Outcome.FAILED),
+        (RestVerdict.NOT_VALID, 12.5, Outcome.FAILED),
+    ],
+)
+def test_an_angle_that_is_read_but_not_valid_is_no_reference(
+    monkeypatch: pytest.MonkeyPatch, verdict: RestVerdict, angle_deg: float | None, outcome: Outcome
+) -> None:
+    """Every limit is counted from it: a number alone does not do."""
+    reading = AbsoluteReading("A", 0, 0, 0, angle_deg, 0.4, 100.0, 100.0, verdict)
+    kept = SimpleNamespace(zero_set_by="anna", zero_witness="mark")
+    seen = SimpleNamespace(retained=kept, reading=reading)
+    monkeypatch.setattr(steps_bus, "read_only", lambda *_: nullcontext(seen))
+    assert steps_bus.encoder(context()).outcome is outcome
