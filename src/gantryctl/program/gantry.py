@@ -244,6 +244,10 @@ class GantryProgram(AxisProgram):
 
     def _check_keys(self, op: OperatorCommand) -> Refusal | None:
         """Judge a motion by hand that a key would begin now."""
+        # A change that was refused in motion leaves the operator's level and the mode in force apart: a key that is
+        # held must not begin an increment, which goes on when it is let go.
+        if op.mode is not self.mode:
+            return refusal(Code.CTL_14, reason=Words.MODE_AT_REST)
         if self.mode is Mode.NONE:
             return refusal(Code.CTL_16, reason=Words.MODE_NONE)
         refused = self._check_setting(op) or self._check_switch(op.speed_rad_s)

@@ -339,6 +339,25 @@ def test_a_refused_mode_change_does_not_come_later(continuous):
     assert rig.program.mode is Mode.INCREMENTAL
 
 
+def test_a_key_does_not_act_in_a_mode_that_the_operator_has_left(incremental):
+    """Chosen in motion and refused: the level says continuous, and an increment would go on when the key is let go."""
+    rig = incremental
+    press(rig, forward=True)
+    rig.op(mode=Mode.CONTINUOUS)
+    assert rig.refused() == "the mode changes at standstill only"
+    rig.run(6.0)
+    at_deg = rig.ref_deg
+    press(rig, forward=True)
+    assert rig.refused() == "the mode changes at standstill only"
+    rig.hold_key(1.0)
+    assert rig.ref_deg == pytest.approx(at_deg, abs=1e-6)
+    rig.op(forward=False, mode=Mode.INCREMENTAL)
+    rig.op(mode=Mode.CONTINUOUS)
+    rig.op(forward=True)
+    rig.hold_key(1.0)
+    assert rig.axis.state is AxisState.CONTINUOUS_MOTION
+
+
 def test_a_key_held_over_a_mode_change_starts_nothing(incremental):
     rig = incremental
     rig.op(forward=True)
