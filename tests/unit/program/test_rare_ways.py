@@ -7,6 +7,7 @@ import pytest
 from gantryctl.errors import UsageError
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
 from gantryctl.program import Code, Reaction
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.blocks import DigitalCamSwitch, ReadActualPosition, ReadStatus, Stop
 from gantryctl.units import rad
 from unit.program.power_steps import P, slip
@@ -179,3 +180,19 @@ def test_a_cam_switch_refuses_what_it_cannot_keep(wrong):
     rig = Rig()
     with pytest.raises(UsageError, match="a cam switch needs finite compensations"):
         DigitalCamSwitch(rig.axis, ((0.0, 1.0),), **wrong)
+
+
+def test_halt_is_obeyed_while_a_warning_forbids_the_next_motion():
+    """BRK-06 lets the present motion go on, and forbids another until it is reset; a person may end it at any time."""
+    rig = moving_rig()
+    rig.axis.alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=400.0)
+    rig.op(halt=True)
+    rig.run(1.0)
+    # on the normal ramp of this axis, 4 deg/s2; a scan more or less
+    assert rig.vel_deg_s == pytest.approx(6.0 - 4.0, abs=0.05)
+    rig.run(1.0)
+    assert rig.vel_deg_s == 0.0
+    rig.op(halt=False)
+    rig.op(move=True, target_rad=rad(10.0), speed_rad_s=rad(2.0))
+    assert rig.refused()
+    assert rig.vel_deg_s == 0.0

@@ -150,7 +150,8 @@ class MotionCommands:
     def halt(self) -> MotionCommand:
         """Come to rest on the normal ramp; another motion may take over before."""
         command = MotionCommand(AxisState.DISCRETE_MOTION)
-        refused = self._check_state()
+        # What forbids a new motion does not forbid to end the present one.
+        refused = self._check_ready()
         if refused is not None:
             return command.fail(refused)
         self._virtual.stop(self._settings.ramps.normal(self._settings.speed.setting_max_rad_s), self.scan)
@@ -408,16 +409,20 @@ class MotionCommands:
             return None
         return check_way(here_rad, target_rad, travel, self._interlocks)
 
-    def _check_state(self) -> Refusal | None:
+    def _check_ready(self) -> Refusal | None:
         stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None
         if stopped or not self._power.status:
             return self._not_ready()
         if self.stop_command is not None:
             return refusal(Code.CTL_14, reason=Words.HELD_BY_STOP)
-        blocking = self._alarms.blocking()
-        if blocking is not None:
-            return refusal(Code.CTL_14, reason=blocking.active_words)
         return None
+
+    def _check_state(self) -> Refusal | None:
+        refused = self._check_ready()
+        blocking = self._alarms.blocking()
+        if refused is None and blocking is not None:
+            return refusal(Code.CTL_14, reason=blocking.active_words)
+        return refused
 
     def _check_permit(self) -> Refusal | None:
         return None if self._interlocks.permitted else refusal(Code.CTL_14, reason=Words.PERMIT_MISSING)
