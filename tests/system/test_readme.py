@@ -28,7 +28,7 @@ PAGES = {
 NOT_RUN = {
     "gantryctl accuracy run --ensemble": "`make demo` runs it; ten seconds and more",
     "gantryctl accuracy run --on-engine": "has tests of its own; 40 s",
-    "gantryctl accuracy run --procedure B --runs 5": "five runs; the reports of several have tests of their own",
+    "gantryctl accuracy run --procedure B --runs 5": "five runs; ISO 230-2 over five runs has tests of its own",
     "gantryctl accuracy measure": "needs an instrument, or a minute; has tests of its own",
     "gantryctl instrument": "needs an instrument; has tests of its own",
     "gantryctl drive field": "five minutes; has tests of its own, the slow one with the count",

@@ -143,3 +143,11 @@ def context(machine: Machine = MACHINE, **results: StepResult) -> Context:
     none: Any = None
     watch = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), Halt())
     return Context(machine, none, none, results, (), lambda line: None, watch, None, "")
+
+
+def enabled(**what: Any) -> tuple[HandDrive, Any]:
+    """A drive and its axis, enabled, on a leash of 10 deg."""
+    drive = HandDrive(**what)
+    axis = axis_of(drive, 10.0)
+    axis.enable()
+    return drive, axis

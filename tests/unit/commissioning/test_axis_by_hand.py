@@ -17,18 +17,12 @@ from unit.commissioning.hand_drive import (
     PERIOD_S,
     HandDrive,
     axis_of,
+    enabled,
 )
 
 pytestmark = pytest.mark.can
 
 ENABLE, S = DriveRequest.ENABLE, DriveState
-
-
-def enabled(**what: Any) -> tuple[HandDrive, Any]:
-    drive = HandDrive(**what)
-    axis = axis_of(drive, what.pop("leash_deg", 10.0))
-    axis.enable()
-    return drive, axis
 
 
 # --- the axis without a position loop ---------------------------------------------------------------------------------

@@ -26,21 +26,14 @@ from unit.commissioning.hand_drive import (
     MACHINE,
     PERIOD_S,
     HandDrive,
-    axis_of,
     context,
+    enabled,
     opens,
 )
 
 pytestmark = pytest.mark.can
 
 ENABLE, S = DriveRequest.ENABLE, DriveState
-
-
-def enabled(**what: Any) -> tuple[HandDrive, Any]:
-    drive = HandDrive(**what)
-    axis = axis_of(drive, what.pop("leash_deg", 10.0))
-    axis.enable()
-    return drive, axis
 
 
 @pytest.fixture

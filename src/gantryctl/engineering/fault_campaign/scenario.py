@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from gantryctl.engineering.faults.case import FaultCase
 from gantryctl.engineering.faults.catalogue import fault_case
-from gantryctl.engineering.faults.injection import Injection, When
+from gantryctl.engineering.faults.injection import Injection, When, read_document
 from gantryctl.engineering.faults.kinds.kind import Value
 from gantryctl.errors import UsageError
 
 _MODEL: Final = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-_MAX_BYTES: Final = 256 * 1024
 _Time = Annotated[float, Field(ge=0.0, le=3600.0)]
 Deed = Literal[
     "power", "power_off", "move", "jog", "increment", "halt", "stop", "quick_stop", "reset", "recover", "override",
@@ -170,21 +168,12 @@ def _literal(value: object) -> str:
 
 
 def load_scenario(path: Path) -> Scenario:
-    """A scenario from a TOML file.
+    """A scenario from a TOML or JSON file.
 
     Raises:
         UsageError: the file cannot be read, or something in it is wrong.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as fault:
-        raise UsageError(f"{path}: cannot be read: {fault.strerror or fault}") from None
-    if len(content) > _MAX_BYTES:
-        raise UsageError(f"{path}: {len(content)} bytes, at most {_MAX_BYTES} permitted")
-    try:
-        data: dict[str, Any] = tomllib.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as wrong:
-        raise UsageError(f"{path}: {wrong}") from None
+    data = read_document(path)
     try:
         return Scenario.model_validate(data)
     except ValidationError as wrong:

@@ -133,11 +133,11 @@ def parse_injection(data: Mapping[str, Any], name: str = "injection") -> Injecti
     raise UsageError(f"{place}: {first['msg'].removeprefix('Value error, ')}")
 
 
-def load_injections(path: Path) -> tuple[Injection, ...]:
-    """Injections of a TOML or JSON file: `[[injection]]` tables.
+def read_document(path: Path) -> Any:
+    """What a TOML or JSON file holds, not looked at yet.
 
     Raises:
-        UsageError: the file cannot be read, or something in it is wrong.
+        UsageError: the file cannot be read, is too large, or is neither.
     """
     try:
         content = path.read_bytes()
@@ -147,9 +147,18 @@ def load_injections(path: Path) -> tuple[Injection, ...]:
         raise UsageError(f"{path}: {len(content)} bytes, at most {_MAX_BYTES} permitted")
     try:
         text = content.decode("utf-8-sig")
-        data = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+        return json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
     except (ValueError, RecursionError) as wrong:
         raise UsageError(f"{path}: {wrong}") from None
+
+
+def load_injections(path: Path) -> tuple[Injection, ...]:
+    """Injections of a TOML or JSON file: `[[injection]]` tables.
+
+    Raises:
+        UsageError: the file cannot be read, or something in it is wrong.
+    """
+    data = read_document(path)
     rows = data.get("injection") if isinstance(data, dict) else None
     unknown = sorted(set(data) - {"injection"}) if isinstance(data, dict) else []
     if unknown:
