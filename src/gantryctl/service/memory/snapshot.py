@@ -43,15 +43,21 @@ class Snapshot:
         self._memory = memory
         self._slow: dict[str, Any] = {}
         self._alarms: dict[str, Any] = {"alarms": [], "alarm_history": []}
+        self._packed: bytes | None = None
         self._seen = (0, 0)
         self.key = self.version = 0
 
     def fast(self) -> tuple[dict[str, Any], float]:
         """Read the 20 Hz tags and their age in ms; empty and inf before the controller has published any."""
         found = self._memory.fast.read()
-        if found is None or len(found) != _PACKED.size:
+        if found is not None and len(found) == _PACKED.size:
+            self._packed = found
+        # A controller that does not run for a moment while it publishes leaves a record that cannot be read. The one
+        # before stays the newest known state, with its age: an empty one would name no status frame, so that signs of
+        # life which answer it are refused.
+        if self._packed is None:
             return {}, math.inf
-        stamp, self.key, *numbers = _PACKED.unpack(found)
+        stamp, self.key, *numbers = _PACKED.unpack(self._packed)
         age_ms = (time.monotonic_ns() - stamp) * 1e-6
         return {name: decode(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
 

@@ -1,0 +1,30 @@
+"""The status snapshot while its writer is held up in the middle of a publication."""
+
+from __future__ import annotations
+
+import math
+
+from gantryctl.service.command.frame_clock import FrameClock
+from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast
+from gantryctl.service.protocol.frames import mark_of
+from support.slow_network import shared_memory
+
+
+def test_the_last_whole_state_is_shown_with_its_age_while_the_next_one_is_written() -> None:
+    clock = FrameClock(0.0)
+    clock.tick(1.25)
+    with shared_memory() as memory:
+        reader, late_reader = Snapshot(memory), Snapshot(memory)
+        assert reader.fast() == ({}, math.inf)
+        publish_fast(
+            memory.fast, {**dict.fromkeys(FAST, 0.0), "issued_ms": float(clock.issued_ms)}, clock.key
+        )
+        tags, age_ms = reader.fast()
+        # The writer gets no processor inside `publish`: its sequence is odd.
+        memory.fast._words[0] |= 1
+        again, older_ms = reader.fast()
+        assert again == tags
+        assert older_ms > age_ms
+        # The frame that is made of it names one that the controller issued, so a sign of life with it counts.
+        assert clock.issued_s(mark_of(again["issued_ms"], reader.key, "anna"), "anna") == 1.25
+        assert late_reader.fast() == ({}, math.inf)
