@@ -13,14 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from mutation import branches, evidence, planted
-from mutation.areas import AREAS, ROOT, area_files
+from mutation.areas import AREAS, CORE_AREAS, ROOT, area_files
 from mutation.campaign import digest_of, read_results, run_all
+from mutation.core_campaign import is_core, record_core, run_core
+from mutation.cpp_operators import cpp_mutants
 from mutation.mutant import Change
 from mutation.operators import mutants
 from mutation.record import FOLDER_VARIABLE, PART_VARIABLE
 from mutation.trial import FOUND, Fate, Trial
 
 BUILD = ROOT / "build" / "mutation"
+CORE_BUILD = BUILD / "core"
+_AREAS = (*AREAS, *CORE_AREAS)
 
 
 def main() -> int:
@@ -30,6 +34,9 @@ def main() -> int:
     record = commands.add_parser("record", help="run tests once and keep which line each of them runs")
     record.add_argument("part", help="name of this part; a part of the same name is replaced")
     record.add_argument("tests", nargs="+", help="files, folders or options of pytest")
+    record.add_argument(
+        "--core", action="store_true", help="which change of the core (C++) each of them passes"
+    )
     plant = commands.add_parser(
         "planted", help="try the bugs of tests/planted; 1 when one survives or is stale"
     )
@@ -40,7 +47,7 @@ def main() -> int:
     show = commands.add_parser("show", help="survivors that are not argued; 1 when there is one")
     write = commands.add_parser("write", help="write docs/evidence/mutation.json")
     for each in (run, show, write):
-        each.add_argument("areas", nargs="*", metavar="AREA", help=f"{', '.join(AREAS)}; all when none")
+        each.add_argument("areas", nargs="*", metavar="AREA", help=f"{', '.join(_AREAS)}; all when none")
         each.add_argument(
             "--severe", action="store_true", help="only what could move, drop or mislead people"
         )
@@ -65,7 +72,10 @@ def main() -> int:
     if rest and arguments.command != "record":
         parser.error(f"unknown: {' '.join(rest)}")
     if arguments.command == "record":
-        return _record(arguments.coverage, arguments.part, [*arguments.tests, *rest])
+        tests = [*arguments.tests, *rest]
+        if arguments.core:
+            return record_core(ROOT, CORE_BUILD, arguments.coverage / "core", arguments.part, tests)
+        return _record(arguments.coverage, arguments.part, tests)
     if arguments.command == "branches":
         return _branches(arguments)
     arguments.results.parent.mkdir(parents=True, exist_ok=True)
@@ -95,15 +105,17 @@ def _planted_files() -> dict[str, Path]:
 
 
 def _planted_row(area: str, path: Path, trials: dict[str, Trial]) -> dict[str, Any]:
-    changes = [planted.change_of(bug, area, ROOT) for bug in planted.read_bugs(path)]
-    kept = ((change, trials.get(change.name)) for change in changes)
-    return evidence.planted_summary(
-        area,
-        (
-            (change, trial if trial is not None and trial.digest == digest_of(ROOT, change) else None)
-            for change, trial in kept
-        ),
-    )
+    rows: list[tuple[Change, Trial | None]] = []
+    for bug in planted.read_bugs(path):
+        try:
+            change = planted.change_of(bug, area, ROOT)
+        except planted.StaleBug:  # counted, and not tried
+            rows.append((Change(bug["name"], bug["file"], 0, 0, b"", 1, 1, severe=bug["severe"]), None))
+            continue
+        trial = trials.get(change.name)
+        current = trial is not None and trial.digest == digest_of(ROOT, change)
+        rows.append((change, trial if current else None))
+    return evidence.planted_summary(area, rows)
 
 
 def _record(folder: Path, part: str, tests: list[str]) -> int:
@@ -161,14 +173,15 @@ def _planted(arguments: argparse.Namespace) -> int:
 
 def _chosen(arguments: argparse.Namespace) -> dict[str, list[Change]]:
     found: dict[str, list[Change]] = {}
-    for area in arguments.areas or AREAS:
-        if area not in AREAS:
-            raise SystemExit(f"no area {area}: {', '.join(AREAS)}")
+    for area in arguments.areas or _AREAS:
+        if area not in _AREAS:
+            raise SystemExit(f"no area {area}: {', '.join(_AREAS)}")
+        mutants_of = cpp_mutants if area in CORE_AREAS else mutants
         changes = [
             change
             for file in area_files(area)
             if not arguments.file or any(part in str(file) for part in arguments.file)
-            for change in mutants(str(file), (ROOT / file).read_bytes())
+            for change in mutants_of(str(file), (ROOT / file).read_bytes())
             if change.severe or not arguments.severe
         ]
         found[area] = changes
@@ -195,14 +208,14 @@ def _sample(found: dict[str, list[Change]], size: int, seed: int) -> dict[str, l
 
 
 def _try(arguments: argparse.Namespace, changes: list[Change]) -> None:
-    run_all(
-        ROOT,
-        changes,
-        arguments.coverage.resolve(),
-        arguments.results.resolve(),
-        workers=arguments.workers,
-        budget_s=arguments.seconds,
-    )
+    coverage, results = arguments.coverage.resolve(), arguments.results.resolve()
+    limits = {"workers": arguments.workers, "budget_s": arguments.seconds}
+    core = [change for change in changes if is_core(change)]
+    others = [change for change in changes if not is_core(change)]
+    if core:
+        run_core(ROOT, CORE_BUILD, core, coverage / "core", results, **limits)
+    if others:
+        run_all(ROOT, others, coverage, results, **limits)
 
 
 def _run(arguments: argparse.Namespace, chosen: dict[str, list[Change]]) -> int:

@@ -30,7 +30,8 @@ AREAS: Final[dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """By name: patterns below src/gantryctl."""
 
-CORE_AREAS: Final = {"core/control": "core/control", "core/plant": "core/plant"}
+CORE_AREAS: Final = ("core/control", "core/plant", "core/loop", "core/lane")
+"""Folders of the core in C++, from the root of the repository."""
 
 SEVERE: Final = (
     "program/power/",
@@ -73,14 +74,19 @@ SEVERE: Final = (
     "gateway/guard",
     "gateway/sessions",
     "wiring/program",
+    "core/control/",
+    "core/plant/",
 )
-"""Beginnings of paths below src/gantryctl."""
+"""Beginnings of paths below src/gantryctl, or of the core from the root."""
 HARMLESS: Final = ("program/alarms/alarms_page.py", "program/alarms/words.py")
 """Texts and pages: a mutant there is another word."""
 
 
 def area_files(area: str, root: Path = ROOT) -> Iterator[Path]:
     """The sources of an area, relative to the root of the repository."""
+    if area in CORE_AREAS:
+        yield from (path.relative_to(root) for path in sorted((root / area).glob("*.hpp")))
+        return
     base = root / SOURCES
     for pattern in AREAS[area]:
         for path in sorted(base.glob(pattern)):

@@ -13,8 +13,14 @@ from mutation.areas import ROOT, SOURCES, area_of
 
 EVIDENCE: Final = "docs/evidence/branch_coverage.json"
 COUNTED: Final = ("program", "operation", "drives/canopen", "service/command")
-_NOT_RUN: Final = ["if TYPE_CHECKING:", r"^\s*\.\.\.$", r"case _:\s*assert_never\(.*"]
-"""What only a type checker reads: imports for it, bodies of protocols, cases that it has shown to be none."""
+_NOT_RUN: Final = [
+    "if TYPE_CHECKING:",
+    r"^\s*\.\.\.$",
+    r"case _:\s*assert_never\(.*",
+    "if __name__ == .__main__.:",
+]
+"""What only a type checker reads (imports for it, bodies of protocols, cases that it has shown to be none), or only a
+command runs."""
 
 
 def branches(folder: Path) -> tuple[dict[str, dict[str, Any]], dict[str, list[list[int]]]]:

@@ -8,7 +8,7 @@ import os
 import tempfile
 import time
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from mutation.mutant import Change
@@ -109,49 +109,63 @@ def read_results(path: Path) -> dict[str, Trial]:
     return found
 
 
-def run_all(
-    root: Path, changes: Sequence[Change], coverage: Path, results: Path, *, workers: int, budget_s: float
-) -> None:
-    """Try every change that has no row for its present text, in as many processes as wanted."""
+def left_to_try(root: Path, changes: Sequence[Change], results: Path) -> list[Change]:
+    """Changes that have no row for their present text."""
     kept = read_results(results)
-    left = [
+    return [
         change
         for change in changes
         if change.name not in kept or kept[change.name].digest != digest_of(root, change)
     ]
-    print(f"{len(changes)} changes, {len(left)} to try, {workers} workers", flush=True)
-    if not left:
-        return
-    selection = Selection(coverage, root)
+
+
+def keep_result(results: Path, trial: Trial) -> None:
+    """Tell of a trial and append its row."""
+    print(f"{trial.fate:9} {trial.seconds:6.1f} s  {trial.shown}  {trial.by}", flush=True)
+    with results.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(trial.row()) + "\n")
+
+
+def in_processes(work: Callable[[int], None], count: int) -> None:
+    """Run work(0) to work(count - 1), each in a forked process.
+
+    Raises:
+        SystemExit: one of them failed; it has said why.
+    """
     children = []
-    with tempfile.TemporaryDirectory(prefix="mutants") as folder:
-        for number in range(min(workers, len(left))):
-            child = os.fork()
-            if child == 0:
-                status = 1
-                try:
-                    _work(
-                        root, Path(folder) / str(number), selection, left[number::workers], results, budget_s
-                    )
-                    status = 0
-                finally:
-                    os._exit(status)
-            children.append(child)
-        failed = [child for child in children if os.waitpid(child, 0)[1]]
+    for number in range(count):
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                work(number)
+                status = 0
+            except BaseException:
+                traceback.print_exc()
+                raise
+            finally:
+                os._exit(status)
+        children.append(child)
+    failed = [child for child in children if os.waitpid(child, 0)[1]]
     if failed:
         raise SystemExit(f"{len(failed)} workers failed; the same command goes on")
 
 
-def _work(
-    root: Path, folder: Path, selection: Selection, changes: Sequence[Change], results: Path, budget_s: float
+def run_all(
+    root: Path, changes: Sequence[Change], coverage: Path, results: Path, *, workers: int, budget_s: float
 ) -> None:
-    try:
-        worker = Worker(root, folder, selection, changes)
-        for change in changes:
-            trial = worker.judge(change, budget_s)
-            print(f"{trial.fate:9} {trial.seconds:6.1f} s  {trial.shown}  {trial.by}", flush=True)
-            with results.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(trial.row()) + "\n")
-    except BaseException:
-        traceback.print_exc()
-        raise
+    """Try every change that has no row for its present text, in as many processes as wanted."""
+    left = left_to_try(root, changes, results)
+    print(f"{len(changes)} changes, {len(left)} to try, {workers} workers", flush=True)
+    if not left:
+        return
+    selection = Selection(coverage, root)
+    with tempfile.TemporaryDirectory(prefix="mutants") as folder:
+
+        def work(number: int) -> None:
+            mine = left[number::workers]
+            worker = Worker(root, Path(folder) / str(number), selection, mine)
+            for change in mine:
+                keep_result(results, worker.judge(change, budget_s))
+
+        in_processes(work, min(workers, len(left)))

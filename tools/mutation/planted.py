@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import tomllib
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -68,7 +69,7 @@ def change_of(bug: dict[str, Any], area: str, root: Path) -> Change:
 
 def _place(source: bytes, line: int, end_line: int) -> tuple[str, tuple[str, ...]]:
     """The outermost function around these lines, or what the statement there defines."""
-    for name, node in _outermost(ast.parse(source), ""):
+    for name, node in _outermost(_tree(source), ""):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             body = node.body[0].lineno
             if body <= line and end_line <= (node.end_lineno or 0):
@@ -79,6 +80,11 @@ def _place(source: bytes, line: int, end_line: int) -> tuple[str, tuple[str, ...
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             return "", tuple(target.id for target in targets if isinstance(target, ast.Name))
     return "", ()
+
+
+@lru_cache(maxsize=4)  # bugs of one file stand together
+def _tree(source: bytes) -> ast.Module:
+    return ast.parse(source)
 
 
 def _outermost(node: ast.Module | ast.ClassDef, name: str) -> Iterator[tuple[str, ast.stmt]]:

@@ -73,7 +73,12 @@ class WarmTests:
         Raises:
             NotPatched: the change is at module or class level.
         """
-        patch = self._patch(change, text)
+        return self.judge_patched(self._patch(change, text), tests, cpu_s)
+
+    def judge_patched(
+        self, patch: Callable[[], None], tests: Sequence[str], cpu_s: float
+    ) -> tuple[Fate, str]:
+        """The same with a change that `patch` puts in force in the fork."""
         left = [test for test in tests if test in self.items]
         while True:
             fate, by = self._run(left, patch, cpu_s)
@@ -104,7 +109,7 @@ class WarmTests:
 
     def _run(self, tests: Sequence[str], patch: Callable[[], None], cpu_s: float) -> tuple[Fate, str]:
         self._runs += 1
-        folder = self._tree.root.parent / f"{self._tree.root.name}.tmp"
+        folder = self._tree.root.parent / f"{self._tree.root.name}.{os.getpid()}.tmp"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         reader, writer = os.pipe()
