@@ -108,3 +108,15 @@ def test_a_seed_is_replayed_from_the_command_line_and_from_its_file(tmp_path: Pa
     assert answer.json["trace_sha256"] in again.out
     assert "operator: power" in again.out
     assert cli("faults", "replay").code == 2
+
+
+def test_a_cell_of_the_matrix_is_played_again() -> None:
+    answer = cli("faults", "replay", "--kind", "matrix", "0", "--json")
+    assert answer.json["cell"].startswith("A1 in ")
+    assert answer.code == int(not answer.json["ok"])
+    told = cli("faults", "replay", "--kind", "matrix", "0").out
+    assert answer.json["cell"] in told
+    assert answer.json["refused"] in told
+    assert cli("faults", "replay", "--kind", "matrix", "0", "--toml").code == 2
+    assert cli("faults", "replay", "--kind", "matrix", "999999999").code == 2
+    assert cli("faults", "shrink", "--kind", "matrix", "0").code == 2

@@ -8,12 +8,12 @@ from __future__ import annotations
 import pytest
 
 from gantryctl._core import PlantParams
-from gantryctl.engineering.faults.case import ReactionClass
+from gantryctl.engineering.faults.case import ReactionClass, SeenBy
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.engineering.faults.limits import computed_deg, limit_deg
 from gantryctl.engineering.faults.oracle.limits import bounds_of
 from gantryctl.engineering.faults.oracle.taps import Oracle
-from gantryctl.engineering.faults.run import conditions_of, run_fault
+from gantryctl.engineering.faults.run import conditions_of, fault_machine, run_fault
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.codes import Code
@@ -53,6 +53,20 @@ SPECIFIED = (
     (DOUBT, 1.0, 0.8), (DOUBT, 3.0, 2.1), (DOUBT, 6.0, 4.5),
     (ReactionClass.STANDSTILL, 6.0, 0.35), (ReactionClass.BRAKE_SLIP, 0.0, 0.15),
 )  # fmt: skip
+
+
+@pytest.mark.parametrize(("speed", "off_deg"), [(1.0, 0.45), (3.0, 1.4)])
+def test_a_drive_off_the_bus_has_the_way_of_torque_off_where_a_watchdog_relay_takes_its_torque(
+    speed: float, off_deg: float
+) -> None:
+    """E9: without a relay its own ramp, which is shorter; by hand 0.055 s of speed, v^2 / 2 5.5 deg/s2, and 2 %."""
+    ramp_deg = 1.02 * (0.055 * speed + speed**2 / 11.0)
+    alone, relay = (
+        fault_machine(None, "bus", speed, 4.0, "drive", beside=beside) for beside in (False, True)
+    )
+    deadline = ReactionClass.DRIVE_DEADLINE
+    assert limit_deg(alone, deadline, speed) == pytest.approx(ramp_deg, rel=0.1)
+    assert limit_deg(relay, deadline, speed) == pytest.approx(off_deg, rel=1e-12)
 
 
 LATE_WEAK_BRAKE = {"control.scan_period_ms": 10.0, "brake.close_time_ms": 200.0, "brake.torque_nm": 380.0}
@@ -130,6 +144,15 @@ def test_a_late_brake_lets_the_wind_speed_a_telescope_up(
     (fast,) = oracle.caught("INV-3")
     assert "true speed" in fast.text
     oracle.violations.clear()
+
+
+@pytest.mark.parametrize("reaction", [OFF, DOUBT, ReactionClass.QUICK_STOP, ReactionClass.DRIVE_DEADLINE])
+@pytest.mark.parametrize("by", SeenBy)
+def test_at_rest_every_stop_has_the_way_of_standstill(reaction: ReactionClass, by: SeenBy) -> None:
+    """A row of motion in a phase without one (the matrix): there was no limit at all."""
+    machine = axis_of("rotary_table")
+    at_rest = computed_deg(machine, ReactionClass.STANDSTILL, 0.0, SeenBy.CLASS)
+    assert computed_deg(machine, reaction, 0.0, by) >= at_rest > 0.0
 
 
 # Eight rows take some seconds, so a run that was ended goes on where it was: `-k "crane and rows_3"`.

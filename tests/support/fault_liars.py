@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import pytest
 
@@ -20,6 +20,7 @@ from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.gantry import GantryProgram
+from gantryctl.program.power import sequence
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 
@@ -50,25 +51,44 @@ def _no_lease(patch: pytest.MonkeyPatch) -> None:
 
 
 def _torque_before_brake(patch: pytest.MonkeyPatch) -> None:
-    def closing(self: Any, pos_rad: float) -> None:
+    def closing(self: PowerSequence, pos_rad: float) -> None:
         self._enter(PowerPhase.DISABLING)
 
-    patch.setattr(PowerSequence, "_closing", closing)
+    # The table of the steps, not the class: it holds the functions themselves.
+    patch.setitem(sequence._STEPS, PowerPhase.CLOSING, closing)
+
+
+def _encoder_alarm_warns(patch: pytest.MonkeyPatch) -> None:
+    """In the table of alarms, and where the reading is doubted: either alone asks for torque off."""
+    _reacts(Reaction.W, Code.ENC_05)(patch)
+    true = Feedback.doubt
+
+    def doubt(self: Feedback, code: Code, /, **values: object) -> None:
+        if code is Code.ENC_05:
+            self._alarms.raise_(code, Reaction.W, **values)
+        else:
+            true(self, code, **values)
+
+    patch.setattr(Feedback, "doubt", doubt)
 
 
 def _always_valid(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Feedback, "position_valid", True)
 
 
+def _switches_off(scenario: Scenario) -> bool:
+    """By a person, where the controller works the brake; a drive that owns it closes it by itself."""
+    owns = scenario.drive == "bus" and scenario.brake_owner == "drive" and not scenario.beside
+    return not owns and any(each.do == "power_off" for each in scenario.actions)
+
+
 LIARS: Final[dict[str, Liar]] = {
-    "an encoder alarm that only warns": Liar(_reacts(Reaction.W, Code.ENC_05), _has("A6")),
+    "an encoder alarm that only warns": Liar(_encoder_alarm_warns, _has("A6")),
     "a limit switch that only warns": Liar(_reacts(Reaction.W, Code.LIM_03, Code.LIM_04), _has("G3", "G4")),
     "a lease that never runs out": Liar(
         _no_lease, lambda scenario: any(each.lease_s is not None for each in scenario.actions)
     ),
-    "torque taken off before the brake has closed": Liar(
-        _torque_before_brake, lambda scenario: scenario.brake_owner == "object_60FE" or scenario.beside
-    ),
+    "torque taken off before the brake has closed": Liar(_torque_before_brake, _switches_off),
     "an angle that is called valid whatever the reading says": Liar(
         _always_valid, _has("A1", "A1b", "A2", "A2b", "A10", "A15b")
     ),

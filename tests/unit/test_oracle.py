@@ -5,18 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle
 from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.taps import Oracle
+from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveFeedback, DriveRequest, Mode, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import Alarm, AlarmLog
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.turns import Turns
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.recovery import StopRecord
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import rad
@@ -117,6 +123,16 @@ def a_move_that_does_not_end(_: pytest.MonkeyPatch) -> None:
     bench.engine.run_for(0.1)
 
 
+def a_move_after_power_off(patch: pytest.MonkeyPatch) -> None:
+    """The ramp to rest is taken over by it, and power goes off after its end."""
+    patch.setattr(MotionCommands, "_check_ready", lambda _: None)
+    bench = Bench().moving()
+    bench.op(power=False)
+    bench.op(move=True, target_rad=rad(-90.0))
+    bench.op(move=False)
+    bench.engine.run_for(6.0)
+
+
 def a_motor_that_turns_while_off(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(AlarmLog, "raise_", lambda *_, **__: None)
     bench = Bench()
@@ -135,6 +151,13 @@ def a_speed_that_jumps(_: pytest.MonkeyPatch) -> None:
     bench = Bench().moving(3.0)
     Between(bench, lambda output: output._replace(vel_cmd_rad_s=output.vel_cmd_rad_s + rad(0.5) * RATIO))
     bench.engine.run_for(0.01)
+
+
+def a_speed_that_jumps_from_rest(_: pytest.MonkeyPatch) -> None:
+    """No dither: it does not come back."""
+    bench = Bench().up()
+    Between(bench, lambda output: output._replace(vel_cmd_rad_s=output.vel_cmd_rad_s + rad(0.3) * RATIO))
+    bench.engine.run_for(0.03)
 
 
 def a_drive_that_turns_too_fast(_: pytest.MonkeyPatch) -> None:
@@ -232,15 +255,42 @@ def a_wrong_angle_that_is_called_valid(patch: pytest.MonkeyPatch) -> None:
     bench.engine.run_for(0.5)
 
 
+def frozen_at_rest() -> Bench:
+    """An encoder freezes at the end of a ramp, while the load still swings."""
+    ramps = {"virtual_axis__acc_deg_s2": 2.0, "virtual_axis__dec_deg_s2": 2.0}
+    bench = Bench(plant__load__eccentricity_m=0.025, **ramps).moving()
+    virtual = bench.engine.program.axis.virtual
+    assert bench.engine.run_until(lambda _: virtual.at_rest, 15.0)
+    bench.drive.faults.encoder_gain = 0.0
+    bench.engine.run_for(2.0)
+    return bench
+
+
+def a_frozen_reading_that_nobody_asks(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Liveness, "stand", lambda *_, **__: None)
+    frozen_at_rest()
+
+
+def a_quick_stop_that_loses_its_torque(patch: pytest.MonkeyPatch) -> None:
+    """Nobody is told, so the way stays that of the ramp."""
+    bench = Bench().moving()
+    bench.op(quick_stop=True)
+    bench.engine.run_for(0.2)
+    patch.setattr(AlarmLog, "raise_", lambda *_, **__: None)
+    bench.drive.faults.brake_torque_share = 0.6
+    bench.drive.faults.estop_ok = False
+    bench.engine.run_for(3.0)
+
+
 def a_wrong_way_in_the_words(patch: pytest.MonkeyPatch) -> None:
     words = StopRecord._steps
 
-    def wrong(record: StopRecord, feedback: Feedback) -> tuple[Words | Said, ...]:
+    def wrong(record: StopRecord, feedback: Feedback, pos_rad: float) -> tuple[Words | Said, ...]:
         return tuple(
             Words.MOVED_TO(way=float(str(step.values["way"])) + 0.2, position=step.values["position"])
             if isinstance(step, Said) and step.words is Words.MOVED_TO
             else step
-            for step in words(record, feedback)
+            for step in words(record, feedback, pos_rad)
         )
 
     patch.setattr(StopRecord, "_steps", wrong)
@@ -299,13 +349,16 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-7", a_turn_that_is_not_whole),
         ("INV-7", a_zero_that_moves_under_a_motion_to_an_angle),
         ("INV-1", a_brake_without_strength),
+        ("INV-1", a_quick_stop_that_loses_its_torque),
         pytest.param("INV-1", a_drive_that_goes_on_without_commands, marks=pytest.mark.can),
         pytest.param("INV-1", a_drive_that_goes_on_slowly_without_commands, marks=pytest.mark.can),
         ("INV-2", a_drive_that_creeps),
         ("INV-2", a_move_that_does_not_end),
+        ("INV-2", a_move_after_power_off),
         ("INV-2", a_motor_that_turns_while_off),
         ("INV-2", an_enable_that_nobody_asked_for),
         ("INV-3", a_speed_that_jumps),
+        ("INV-3", a_speed_that_jumps_from_rest),
         ("INV-3", a_drive_that_turns_too_fast),
         ("INV-3", a_drive_that_goes_beyond_the_travel),
         ("INV-3", a_program_that_goes_into_a_sector),
@@ -318,6 +371,7 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-6", a_brake_that_opens_without_torque),
         ("INV-6", torque_off_before_the_brake_holds),
         ("INV-7", a_wrong_angle_that_is_called_valid),
+        ("INV-7", a_frozen_reading_that_nobody_asks),
         ("INV-7", a_wrong_way_in_the_words),
         ("INV-7", a_wrong_time_in_the_words),
         ("INV-7", nothing_was_switched_on),
@@ -361,6 +415,101 @@ def test_a_sound_run_over_the_bus_is_passed(owner: str, oracle: Oracle) -> None:
     everything(bench)
     bench.engine.close()
     assert not oracle.violations
+
+
+def test_a_frozen_reading_is_believed_until_it_has_been_asked(oracle: Oracle) -> None:
+    bench = frozen_at_rest()
+    first = bench.engine.program.axis.alarms.first_out
+    assert first is not None
+    assert first.code == "ENC-02"
+    assert not oracle.caught("INV-7")
+    oracle.violations.clear()
+
+
+def test_a_key_is_refused_where_a_move_turns_round(oracle: Oracle) -> None:
+    """Its lease ends nothing, and the move goes on."""
+    bench = Bench(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0).moving()
+    bench.op(move=True, target_rad=rad(80.0))
+    bench.op(move=False, mode=Mode.CONTINUOUS)
+    virtual = bench.engine.program.axis.virtual
+    assert bench.engine.run_until(lambda _: abs(virtual.vel_ref_rad_s) < rad(0.02), 10.0)
+    bench.op(reverse=True, lease=1)
+    bench.op(reverse=False)
+    bench.engine.run_for(6.0)
+    assert abs(virtual.vel_ref_rad_s) > rad(1.0)
+    assert not oracle.violations
+
+
+def test_a_key_is_refused_while_an_increment_is_under_way(oracle: Oracle) -> None:
+    """Its lease ends nothing, and the increment goes on."""
+    bench = Bench().up()
+    bench.op(mode=Mode.INCREMENTAL, increment_rad=rad(3.0), speed_rad_s=rad(0.6))
+    bench.op(forward=True)
+    bench.op(forward=False)
+    bench.engine.run_for(2.5)
+    bench.op(mode=Mode.CONTINUOUS)
+    bench.op(forward=True, lease=1)
+    bench.engine.run_for(4.0)
+    assert not oracle.violations
+
+
+def test_a_move_that_override_0_holds_goes_on(oracle: Oracle) -> None:
+    """For seconds, and near its target."""
+    bench = Bench().up()
+    bench.op(override=0.0)
+    bench.op(move=True, target_rad=rad(90.04), speed_rad_s=rad(1.0))
+    bench.op(move=False)
+    bench.engine.run_for(3.0)
+    bench.op(override=1.0)
+    bench.engine.run_for(2.0)
+    assert not oracle.violations
+
+
+def test_an_emergency_stop_within_a_quick_stop_is_passed(oracle: Oracle) -> None:
+    bench = Bench().moving(2.0)
+    bench.op(quick_stop=True)
+    bench.engine.run_for(0.15)
+    bench.drive.faults.estop_ok = False
+    bench.engine.run_for(3.0)
+    assert not oracle.violations
+
+
+def test_a_dither_is_no_step_of_the_speed(oracle: Oracle) -> None:
+    """0.307 deg/s for 8 ms and back, as an encoder is tried that stands still: 0.0025 deg each way."""
+    bench = Bench().up()
+    begun, period_s = bench.engine.time_s, bench.engine.program.axis.settings.period_s
+    step = rad(0.307) * RATIO
+
+    def dither(output: OutputImage) -> OutputImage:
+        at_s = bench.engine.time_s - begun
+        vel = step if at_s < 0.008 - 0.5 * period_s else -step if 0.010 < at_s < 0.018 else 0.0
+        return output._replace(vel_cmd_rad_s=output.vel_cmd_rad_s + vel)
+
+    Between(bench, dither)
+    bench.engine.run_for(0.05)
+    assert not oracle.violations
+
+
+def test_a_stop_that_goes_on_without_the_controller_has_its_true_times() -> None:
+    """Torque off 50 ms after the alarm, brake closed after 200 ms, and nobody commands meanwhile."""
+    axis = AxisOracle(lambda found: pytest.fail(str(found)))
+    axis.begin(0.0, brake_open=True, energised=True)
+    axis.bound, axis._silent_from = True, -1
+    told = Instant(0, 0.0, 0.0, energised=True, brake_open=True)
+    stop = axis._stop = Stop(Alarm(Code.INT_06, 0.0, {}, Reaction.QUICK_STOP), StopClass.QUICK, told, told)
+    for ms in range(1, 301):
+        axis.sample(0.0, 0.0, 0.0, brake_open=ms < 200, energised=ms < 50)
+    assert (stop.off_ms, stop.closed_ms) == (50, 200)
+    stop.alarm.steps = (Words.TORQUE_OFF_SEEN(time_ms=290.0), Words.BRAKE_CLOSED_SEEN(time_ms=290.0))
+    axis._axis = SimpleNamespace(settings=SimpleNamespace(period_s=0.004))
+    assert list(judge_words(stop.alarm, stop, axis)) == []
+    stop.alarm.steps = (Words.BRAKE_CLOSED_AFTER(time_ms=290.0),)
+    assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 290 ms is told, true 200 ms"]
+    # A contact that was held open could not show it earlier.
+    axis.contact_lies = True
+    assert list(judge_words(stop.alarm, stop, axis)) == []
+    stop.alarm.steps = (Words.BRAKE_CLOSED_AFTER(time_ms=100.0),)
+    assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 100 ms is told, true 200 ms"]
 
 
 @pytest.mark.can

@@ -123,7 +123,7 @@ def replay(
     as_toml: bool,
     as_json: bool,
 ) -> int:
-    """Play one scenario again, and tell what happened.
+    """Play one scenario, or one cell of the matrix, again, and tell what happened.
 
     The same seed, or the same file, gives the same trace bit by bit: its hash is printed. Exit code 1 when something
     broke.
@@ -131,8 +131,15 @@ def replay(
     from gantryctl.engineering.fault_campaign.play import play
     from gantryctl.engineering.fault_campaign.scenario import scenario_toml
     from gantryctl.engineering.fault_campaign.text import played_data, played_lines, scenario_words, watched
+    from gantryctl.errors import UsageError
     from gantryctl.files import check_place
 
+    if kind == "matrix" and file is None and seed is not None:
+        if as_toml or out is not None:
+            raise UsageError(
+                "a cell of the matrix has no scenario file and no picture: leave out --toml and --out"
+            )
+        return _replay_cell(seed, as_json)
     if out is not None:
         need("matplotlib")
         check_place(out)
@@ -152,6 +159,19 @@ def replay(
         if out is not None:
             click.echo(f"picture: {out}")
     return int(not played.ok)
+
+
+def _replay_cell(number: int, as_json: bool) -> int:
+    from gantryctl.engineering.fault_campaign.matrix import cell, run_cell
+    from gantryctl.engineering.fault_campaign.text import cell_data, cell_lines
+
+    at = cell(number)
+    row = run_cell(at)
+    if as_json:
+        print_json(cell_data(at, row))
+    else:
+        click.echo("\n".join(cell_lines(at, row)))
+    return int(bool(row["violations"]))
 
 
 @click.command()
@@ -222,7 +242,7 @@ def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file
     """The scenario that was asked for.
 
     Raises:
-        UsageError: neither seed nor file, or both; or a seed of the matrix.
+        UsageError: neither seed nor file, or both; or a cell of the matrix, which is no scenario.
     """
     from gantryctl.engineering.fault_campaign.scenario import load_scenario
     from gantryctl.errors import UsageError
@@ -233,5 +253,7 @@ def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file
         return load_scenario(file)
     assert seed is not None
     if kind == "matrix":
-        raise UsageError("a cell of the matrix is one run of a row: gantryctl faults run")
+        raise UsageError(
+            "a cell of the matrix is one run of a row, with nothing to leave out: gantryctl faults replay"
+        )
     return _campaign(kind, series, scan).scenario(seed)

@@ -24,6 +24,8 @@ SOUND_SHARE: Final = 0.1
 # Of the scenarios that have faults.
 _ONE: Final = 0.4
 _TWO: Final = 0.8
+PAIR_STRIDE: Final = 100_003
+"""A prime above the number of rows, and so without a common divisor with the number of their pairs."""
 _BESIDE_SHARE: Final = 0.3
 _BUS_ROWS_SHARE: Final = 0.6
 _POWER_AT_S: Final = 0.2
@@ -101,12 +103,15 @@ def random_scenario(series: int, number: int, scan_ms: float | None = None) -> S
 
 
 def pair_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
-    """Two rows forced together: every ordered pair in turn, the second at most half a second after the first."""
+    """Two rows forced together: every ordered pair in turn, the second at most half a second after the first.
+
+    They are numbered with a stride, so that any range of seeds is a sample of all pairs.
+    """
     draw = Draw(f"pairs {series} {number}")
     drive: Drive = "bus" if draw.happens(BUS_SHARE) else "sim"
     base = _machine(draw, drive, number, scan_ms)
     of_drive = pairs(drive)
-    first, second = of_drive[number % len(of_drive)]
+    first, second = of_drive[number * PAIR_STRIDE % len(of_drive)]
     if any(case.beside and case.number in (first, second) for case in CATALOGUE):
         base = base.model_copy(update={"beside": True, "brake_owner": "drive"})
     actions = _deeds(draw, base.angle_deg)

@@ -14,8 +14,8 @@ from gantryctl.errors import UsageError
 
 Kind = Literal["random", "pairs", "matrix"]
 KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "matrix")
-# Of the way scenarios are drawn: another number gives other scenarios, and no result goes on with them.
-DRAWING: Final = 1
+# Of the way scenarios of a kind are drawn: another number gives other scenarios, and no result goes on with them.
+_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "matrix": 1}
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FaultCampaign:
     @property
     def hash(self) -> str:
         """Of what decides a scenario; the code that plays it stands beside each row."""
-        given = [DRAWING, self.kind, self.series, self.scan_ms, DURATION_S]
+        given = [_DRAWING[self.kind], self.kind, self.series, self.scan_ms, DURATION_S]
         return hashlib.sha256(json.dumps(given).encode()).hexdigest()
 
     def scenario(self, seed: int) -> Scenario:

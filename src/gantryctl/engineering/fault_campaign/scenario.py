@@ -86,18 +86,13 @@ class PlannedFault(BaseModel):
         """What is injected, by virtual time."""
         found = []
         for place, each in enumerate(self.case.injections):
-            when = each.when if _waits(each) else When(after_s=self.at_s + (each.when.after_s or 0.0))
+            when = When(after_s=self.at_s + (each.when.after_s or 0.0)) if each.when.by_clock else each.when
             args = {**each.args, **(self.args if place == 0 else {})}
             for_s = each.for_s if self.for_s is None or each.for_s is not None else self.for_s
             found.append(
                 Injection(where=each.where, kind=each.kind, args=args, when=when, for_s=for_s)
             )  # fmt: skip
         return found
-
-
-def _waits(each: Injection) -> bool:
-    """It comes with an event, not by the clock."""
-    return each.when.state is not None or each.when.event is not None or each.when.angle_deg is not None
 
 
 class Scenario(BaseModel):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
+from gantryctl.engineering.fault_campaign.matrix import Cell
 from gantryctl.engineering.fault_campaign.play import Played
 from gantryctl.engineering.fault_campaign.scenario import Scenario
 from gantryctl.engineering.faults.figure import Watched
@@ -49,6 +51,33 @@ def played_data(played: Played) -> dict[str, Any]:
         "limit_deg": _finite(played.limit_deg),
         "axis_s": played.axis_s,
         "events": [{"time_s": event.time_s, "text": event.text} for event in played.events],
+    }
+
+
+def cell_lines(at: Cell, row: Mapping[str, Any]) -> list[str]:
+    """What came of a cell of the matrix (`matrix.run_cell`), line by line."""
+    if row["refused"]:
+        return [at.text, f"refused: {row['refused']}"]
+    lines = [at.text, f"stopped by  {row['stops'] or 'nothing'}"]
+    if row["way_of"]:
+        lines.append(f"way of {row['way_of']}  {row['way_deg']:.3f} deg, permitted {row['limit_deg']:.3f}")
+    lines += [f"trace  sha256 {row['trace_sha256']}", *(f"BROKEN: {each}" for each in row["violations"])]
+    return [*lines, f"{len(row['violations'])} broken" if row["violations"] else "everything held"]
+
+
+def cell_data(at: Cell, row: Mapping[str, Any]) -> dict[str, Any]:
+    """The same for JSON, with the names of a scenario; a number that is not finite is null."""
+    return {
+        "cell": at.text,
+        "refused": row["refused"],
+        "ok": not row["violations"],
+        "violations": row["violations"],
+        "trace_sha256": row.get("trace_sha256", ""),
+        "stops": row.get("stops", "").split(),
+        "way_of": row.get("way_of", ""),
+        "way_deg": _finite(row.get("way_deg", math.nan)),
+        "limit_deg": _finite(row.get("limit_deg", math.nan)),
+        "axis_s": row.get("axis_s", 0.0),
     }
 
 

@@ -131,7 +131,7 @@ class FaultBench:
         clock.goes_on = self.target.go_on
         self.engine, self.device = engine, device
         self._rows: list[tuple[float, ...]] = []
-        self._told = (0.0, 0.0, 0.0, 0.0)
+        self._told: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
         self._recording = False
         self._pending: list[Injection] = []
         self._ends: list[tuple[float, Callable[[], None]]] = []
@@ -169,9 +169,11 @@ class FaultBench:
     def step(self) -> None:
         """One scan, or one period without a controller."""
         target, engine = self.target, self.engine
-        self._inject_what_is_due()
-        for act in list(target.repeated.values()):
-            act()
+        if self._pending or self._ends:
+            self._inject_what_is_due()
+        if target.repeated:
+            for act in list(target.repeated.values()):
+                act()
         if target.silent:
             target.go_on(1)
             engine.scan += 1
@@ -230,10 +232,11 @@ class FaultBench:
         if enabled and not self._was_enabled and axis.alarms.first_out is not None:
             self.enables += 1
         self._was_enabled = enabled
-        valid = axis.feedback.position_valid
-        self._told = (deg(axis.pos_act_rad), deg(axis.feedback.vel_rad_s), float(valid), float(enabled))
+        if not self._recording:
+            return
+        self._told = self._told_now()
         device = self.device
-        if self._recording and isinstance(device, SimDrive):
+        if isinstance(device, SimDrive):
             begin_s, per = self.time_s - self.axis.settings.period_s, self._per_rad
             rows = device.sim.samples_taken()
             for number, (pos, vel, load, vel_load, torque, closed) in enumerate(rows, start=1):
@@ -243,6 +246,11 @@ class FaultBench:
                         float(closed), *self._told,
                     )
                 )  # fmt: skip
+
+    def _told_now(self) -> tuple[float, ...]:
+        feedback = self.axis.feedback
+        valid, enabled = float(feedback.position_valid), float(self._was_enabled)
+        return deg(self.axis.pos_act_rad), deg(feedback.vel_rad_s), valid, enabled
 
     def _tick(self) -> None:
         """After each tick of the virtual drive."""
@@ -263,7 +271,7 @@ class FaultBench:
     def record(self) -> None:
         """Keep a row of every millisecond from now on."""
         if not self._recording:
-            self._recording, self._tick_s = True, self.time_s
+            self._recording, self._tick_s, self._told = True, self.time_s, self._told_now()
 
     def log(self) -> FaultLog:
         """What was recorded."""
@@ -276,12 +284,21 @@ class FaultBench:
         self._armed_s, self._pending = self.time_s, list(injections)
         self._last_deg = self.pos_deg
         self._phase_before = self.axis.power.phase
+        self._wait()
+
+    def _wait(self) -> None:
+        """Until when nothing can be due: the first of those that come by the clock alone."""
+        clocked = all(each.when.by_clock for each in self._pending)
+        first_s = min((each.when.after_s or 0.0 for each in self._pending), default=math.inf)
+        self._nothing_before_s = first_s if clocked else -math.inf
 
     def _inject_what_is_due(self) -> None:
-        if self._pending:
+        if self._pending and self.time_s - self._armed_s >= self._nothing_before_s - 1e-9:
             due = [each for each in self._pending if self._is_due(each)]
             self._pending = [each for each in self._pending if each not in due]
             self._last_deg, self._phase_before = self.pos_deg, self.axis.power.phase
+            if due:
+                self._wait()
             for each in due:
                 if self.onset_s is None:
                     self.onset_s = self.time_s

@@ -44,6 +44,11 @@ class When(BaseModel):
             raise ValueError(f"when: one of after_s, angle_deg, state, event, got {' and '.join(given)}")
         return self
 
+    @property
+    def by_clock(self) -> bool:
+        """It comes at its time, whatever the axis does."""
+        return self.angle_deg is None and self.state is None and self.event is None
+
 
 class Injection(BaseModel):
     """One fault: when it begins, where it acts, which kind it is, and for how long.

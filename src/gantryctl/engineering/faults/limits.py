@@ -59,6 +59,11 @@ def limit_deg(
             reference gantry hold for every monitor of torque off.
     """
     speed = abs(speed_deg_s)
+    if reaction is ReactionClass.DRIVE_DEADLINE and machine.on_bus and machine.can.output_place("watchdog"):
+        # The watchdog relay of a controller that no longer reaches its drive takes the torque out of the drive's ramp,
+        # wherever that is, and the brake takes over (E9: of the class torque off).
+        own = computed_deg(machine, reaction, speed, seen_by)
+        return max(own, limit_deg(machine, ReactionClass.TORQUE_OFF, speed, seen_by))
     if reaction in _SPECIFIED and is_reference_machine(machine):
         speeds, ways = zip(*_SPECIFIED[reaction], strict=True)
         return float(np.interp(speed, speeds, ways))
@@ -71,18 +76,20 @@ def computed_deg(
     """The same from the axis alone, whatever is specified; `speed` is at least 0 deg/s."""
     seen_s = _seen_s(machine, seen_by)
     match reaction:
+        # No stop begins at rest: what may move is the drive, until it is seen.
+        case ReactionClass.QUICK_STOP | ReactionClass.DRIVE_DEADLINE | ReactionClass.FEEDBACK if speed == 0.0:
+            return standstill_deg(machine)
         case ReactionClass.QUICK_STOP:
-            if speed == 0.0:
-                return standstill_deg(machine)
             return _quick_stop_deg(machine, speed) + speed * max(0.0, seen_s - REACTION_S)
         case ReactionClass.DRIVE_DEADLINE:
             # The last command, the deadline, the drive's own period; at 50 ms and scans of 10 ms a little above the
             # 60 ms of every other quick stop.
             missed_s = 1e-3 * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
             late_s = max(0.0, missed_s - REACTION_S)
-            # A brake that nobody works any more by 60FE closes after the drive has taken its torque off: meanwhile
-            # the motor goes with the swing of the load.
-            free_s = machine.brake.close_time_ms * _MS if machine.brake.owner == "object_60FE" else 0.0
+            # A brake that is not the drive's closes after the drive has taken its torque off: nobody works it by 60FE
+            # any more, or the controller closes it when it misses the drive. Meanwhile the motor goes with the swing of
+            # the load.
+            free_s = machine.brake.close_time_ms * _MS if machine.brake.owner != "drive" else 0.0
             return _quick_stop_deg(machine, speed) + _MARGIN * (
                 late_s * speed + free_s * _SWING_SHARE * machine.speed.setting_max_deg_s
             )

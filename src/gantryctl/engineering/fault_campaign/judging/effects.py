@@ -86,10 +86,20 @@ LOAD_MOVES: Final = frozenset({Code.BRK_03, Code.BRK_04, Code.BRK_11, Code.BRK_1
 def nothing_holds(cases: Sequence[FaultCase]) -> bool:
     """Faults together leave nothing that could hold the load: a brake without torque, and another takes the drive's.
 
-    Then the axis can keep no way, and must tell people (rows A20 and B13 are of this kind by themselves).
+    Then the axis can keep no way, and must tell people (rows A20 and B13 are of this kind by themselves); that the load
+    moves nobody can know where the reading stands whatever it does.
     """
     weak = [case for case in cases if any(_without_brake(each) for each in case.injections)]
     return bool(weak) and any(case.reaction in _TAKES_TORQUE for case in cases if case not in weak)
+
+
+def shows_no_motion(case: FaultCase) -> bool:
+    """The reading stands whatever the shaft does."""
+    return any(
+        each.where is Place.ENCODER
+        and (each.kind == "freeze_reading" or (each.kind == "gain" and each.values["value"] == 0.0))
+        for each in case.injections
+    )
 
 
 def _without_brake(each: Injection) -> bool:
@@ -119,7 +129,8 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
     Place.BRAKE: ("BRK-", *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
     Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", Code.DRV_01, Code.DRV_04),
-    Place.FRAME: ("CAN-", "DRV-", *_CONTROL, Code.ENC_01),
+    # A reading that is 40 ms late is 0.05 deg away from the encoder on the ring from 1.25 deg/s on.
+    Place.FRAME: ("CAN-", "DRV-", *_CONTROL, Code.ENC_01, Code.ENC_07),
     Place.NODE: (
         Code.CAN_16,
         Code.DRV_03,

@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gantryctl.engineering.fault_campaign.judging.effects import LOAD_MOVES, may_come_first, nothing_holds
+from gantryctl.engineering.fault_campaign.judging.effects import (
+    LOAD_MOVES,
+    may_come_first,
+    nothing_holds,
+    shows_no_motion,
+)
 from gantryctl.engineering.fault_campaign.judging.ways import Way, begins
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.bench import FaultBench
@@ -107,8 +112,13 @@ class Judge:
 
     @property
     def nothing_holds(self) -> bool:
-        """Nothing is left that could hold the load, and people have been told."""
-        return self._told_of_load and nothing_holds(self._cases)
+        """Nothing is left that could hold the load, and people have been told, or the reading cannot show it."""
+        return (self._told_of_load or self.blind) and nothing_holds(self._cases)
+
+    @property
+    def blind(self) -> bool:
+        """The reading shows no motion."""
+        return any(shows_no_motion(case) for case in self._cases)
 
     @property
     def _stopping(self) -> bool:

@@ -22,10 +22,10 @@ from typing import Final
 
 import numpy as np
 
+from gantryctl.engineering.fault_campaign.machines import base_machine, base_of
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.limits import limit_deg
-from gantryctl.engineering.faults.run import fault_machine
 from gantryctl.machine import Machine
 
 _CLASSES: Final = frozenset(
@@ -50,15 +50,6 @@ _WITHOUT_TORQUE: Final = frozenset({"B8", "C7", "D7", "D13"})
 def seen_in_motion(case: FaultCase) -> bool:
     """A row that a moving axis sees at once, so that its way counts from the injection."""
     return case.phase is Phase.CRUISE and case.reaction in _CLASSES and not case.from_deviation
-
-
-@functools.lru_cache(maxsize=32)
-def _base(drive: str, beside: bool, owner: str, scan_ms: float) -> Machine:
-    bus = drive == "bus"
-    return fault_machine(
-        None, "bus" if bus else "sim", _LEAST_DEG_S, scan_ms, "object_60FE" if owner == "object_60FE" else "drive",
-        beside=beside,
-    )  # fmt: skip
 
 
 @functools.lru_cache(maxsize=1024)
@@ -105,8 +96,7 @@ class Way:
 
     def limit(self) -> float:
         """Permitted way, deg: by the plant of the machine file, or if that is passed by the plant of the scenario."""
-        scenario = self._scenario
-        base = _base(scenario.drive, scenario.beside, scenario.brake_owner, scenario.scan_ms)
+        base = base_of(self._scenario)
         known = max(
             way + self._weakened(_between(base, case, speed), speed) for case, way, speed in self._parts
         )
@@ -130,7 +120,7 @@ class Way:
 
     def _weakened(self, limit: float, speed_deg_s: float) -> float:
         if self._no_torque:
-            base = _base("sim", False, "drive", self._scenario.scan_ms)
+            base = base_machine("sim", False, "drive", self._scenario.scan_ms)
             limit = max(limit, _interpolated(base, ReactionClass.TORQUE_OFF, SeenBy.RAMP, speed_deg_s))
         for each in self._faults:
             for injection in each.injections():

@@ -59,7 +59,7 @@ class AxisOracle:
     outside of every no-go sector, unless it stands in one and leaves; a stop of a fault ends at most 4.5 deg further.
     It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback, and what the load of
     another axis adds until its brake must have closed); the speed command changes no faster than the steepest ramp in
-    force, and the correction that the position loop may add.
+    force, and the correction that the position loop may add; a step from rest ends within the way of a dither.
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
@@ -67,9 +67,10 @@ class AxisOracle:
     **INV-6, the load is held.** Torque on, or the brake closed, or closing for at most 0.2 s. The brake opens only
     while torque has been on for 10 ms. Torque is taken off only behind a closed brake, unless
     TORQUE OFF was told, or that the brake does not close; a drive that goes off by itself is told as such within 0.2 s.
-    **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; the
-    zero of a modulo axis moves by whole turns only, and not under a motion to an angle; no stop on the wire without
-    a first-out alarm; times, angles and states in its words are true (`words`).
+    **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; where
+    the reading stands and the axis may be at rest, when the controller has asked it (`Liveness.answer_s`), and at most
+    by the way of a fault at standstill. The zero of a modulo axis moves by whole turns only, and not under a motion to
+    an angle; no stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`).
 
     Args:
         found: takes each violation, the first of each invariant.
@@ -81,6 +82,10 @@ class AxisOracle:
         program: who commands; None on a bench. `program_over`: it failed, and the engine stops the axis.
         offset: of the angle that is told, rad at the motor.
         brake_late_s: a fault lets the brake close so much later.
+        reading_late_s: a fault delays every telegram of the drive by so much: none carries its time, so behind the gap
+            at the beginning nothing shows it.
+        contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
+            may be told later than it is so.
         inside: samples are taken inside the scan, which is longer than a millisecond; `sim` takes them.
     """
 
@@ -90,7 +95,7 @@ class AxisOracle:
         self.ms = 0
         self.angle = self.speed = self.torque = 0.0
         self.energised, self.brake_open = False, False
-        self.bound = self.program_over = self.inside = False
+        self.bound = self.program_over = self.inside = self.contact_lies = False
         self.program: Any = None
         self.sim: object = None
         self._axis: Any = None
@@ -112,16 +117,18 @@ class AxisOracle:
         self._power_until = -1.0
         self._vel = 0.0
         self._wire_ms = -1
+        self._step, self._step_rad = "", 0.0
         self._request = DriveRequest.DISABLE
         self._stop: Stop | None = None
         self._latched: Alarm | None = None
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._disobeys = self._brake_fault = self._creeps = False
-        self._key_counts = True
-        self._late_s = self.brake_late_s = 0.0
+        self._key_counts, self._halted, self._by_jog = True, False, False
+        self._late_s = self.brake_late_s = self.reading_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
+        self._told_rad, self._stands_ms, self._moved_ms, self._answer_ms = math.nan, 0, 0, 0.0
         self._ratio = 1.0
         self._zero_counts = math.nan
         self.offset = 0.0
@@ -131,6 +138,7 @@ class AxisOracle:
         self._low = -math.inf
         self._in_sector = False
         self._vel_max = self._torque_max = self._slope = math.inf
+        self._quick_dec = 0.0
 
     # --- who commands -------------------------------------------------------------------------------------------
 
@@ -147,7 +155,10 @@ class AxisOracle:
         self._rest, self._told = self.bounds.rest_deg_s * k, self.bounds.told_deg * k
         self._settled = self.bounds.regulation_deg_s * k
         # Ramps of machines that need seconds to leave the speeds that look like regulation.
-        self._creeps = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio < self._settled
+        slowest = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio
+        self._creeps = slowest < self._settled
+        # A reading is asked from where the set-point has come to rest.
+        self._answer_ms = 1e3 * (self._axis.liveness.answer_s + self._settled / slowest)
         # The clamp is a float that the law reaches exactly.
         self._vel_max = speed.command_clamp_rad_s * ratio * (1.0 + 1e-12)
         self._torque_max = settings.power.torque_max_nm * (1.0 + 1e-12)
@@ -155,6 +166,7 @@ class AxisOracle:
         correction = settings.law.kpp_per_s * settings.monitors.velocity_deviation_rad_s
         steepest = max(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2, ramps.acc_rad_s2)
         self._slope = (steepest + correction) * ratio * 1e-3
+        self._quick_dec = ramps.quick_dec_rad_s2 * ratio
         self._zero_counts = math.nan
 
     def begin(self, angle: float, brake_open: bool, energised: bool) -> None:
@@ -219,8 +231,8 @@ class AxisOracle:
             self._judge_told(axis)
         if vel != 0.0:
             self._speed_on_wire(request, vel, brake_open)
-        elif self._vel != 0.0:
-            self._vel, self._wire_ms = 0.0, self.ms
+        else:
+            self._vel, self._wire_ms, self._step = 0.0, self.ms, ""
         if request is not self._request:
             self._requested(request)
         if axis is None:
@@ -231,7 +243,10 @@ class AxisOracle:
 
     def _judge_told(self, axis: Any) -> None:
         """The angle that is told in this scan, before the plant goes on."""
-        angle = axis.pos_act_rad * self._ratio
+        told = axis.pos_act_rad
+        if told != self._told_rad:
+            self._told_rad, self._stands_ms = told, self.ms
+        angle = told * self._ratio
         if axis.zero_counts != self._zero_counts:
             begins = math.isnan(self._zero_counts)
             self._zero_counts = axis.zero_counts
@@ -241,7 +256,10 @@ class AxisOracle:
         elif self._in_sector:
             self._low, self._high = self._stretch()
         self._wrong = wrong = angle - self.angle - self.offset
-        if not -self._told <= wrong <= self._told:
+        bound = self._told
+        if self.reading_late_s:
+            bound += (abs(self.speed) + self._quick_dec * self.reading_late_s) * self.reading_late_s
+        if not -bound <= wrong <= bound:
             self._wrong_angle(wrong)
         elif self._wrong_since is not None:
             self._wrong_since = None
@@ -253,14 +271,11 @@ class AxisOracle:
         passed = max(1, now - self._wire_ms)
         # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
         slope = self._slope * passed + self._settled + self._kpp * abs(self._wrong)
-        if not -slope <= vel - before <= slope and not self._feedback_fault():
-            self.say(
-                "INV-3",
-                f"speed command {before / self._deg:.3f} to {vel / self._deg:.3f} deg/s in {passed} ms",
-            )
+        if self._step or not -slope <= vel - before <= slope:
+            self._stepped(before, vel, passed)
         self._vel, self._wire_ms = vel, now
         if not -self._settled < vel < self._settled:
-            self._reason_ms, self._at_target_ms = now + _SETTLES_MS, now
+            self._reason_ms, self._at_target_ms, self._moved_ms = now + _SETTLES_MS, now, now
             if now > self._origin_ms:
                 self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
                 self._check_origin(now, vel)
@@ -269,9 +284,28 @@ class AxisOracle:
                 self._reason_ms = now + _SETTLES_MS
             self._perhaps_arrived(now, self._target)
 
+    def _stepped(self, before: float, vel: float, passed: int) -> None:
+        """Judge a speed that changes too fast: from rest, and back at rest within the way of a dither, it is one."""
+        if self._step and -self._settled < vel < self._settled:
+            self._step = ""
+            return
+        if not self._step:
+            if self._feedback_fault():
+                return
+            self._step = (
+                f"speed command {before / self._deg:.3f} to {vel / self._deg:.3f} deg/s in {passed} ms"
+            )
+            self._step_rad = 0.0 if -self._settled < before < self._settled else math.inf
+        # What moves no further is no motion: 4096 counts forth or back are 0.0025 deg of the reference gantry.
+        self._step_rad += abs(vel) * passed * 1e-3
+        if self._step_rad > self.bounds.dither_deg * self._deg:
+            self.say("INV-3", self._step)
+            self._step = ""
+
     def _perhaps_arrived(self, now: int, target: float) -> None:
         """A move that has stood at its target for a while is over: no speed has its reason in it any more."""
-        if not -self._told < self.angle + self.offset - target < self._told:
+        there = -self._told < self.angle + self.offset - target < self._told
+        if not there or self._operator.override == 0.0:
             self._at_target_ms = now
         elif now - self._at_target_ms > _COMES_TO_REST_MS:
             self._target, self._origin_ms = None, now
@@ -310,22 +344,24 @@ class AxisOracle:
             self._power_until = math.inf
         self._test_asked = self._test_asked or (op.brake_test and not last.brake_test)
         stopping = (op.stop and not last.stop) or (op.halt and not last.halt) or (last.power and not op.power)
+        self._halted = self._halted or stopping
         if last.power and not op.power:
             self._power_until = now + _UNDER_WAY_MS
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
         # An increment and a move go on without a lease until they have arrived.
-        if op.move and not last.move:
+        if op.move and not last.move and op.power:
             self._origin_ms, self._target, self._at_target_ms = math.inf, op.target_rad * self._ratio, now
+            self._halted = self._by_jog = False
             # It takes over from a key, which then ends nothing when it is let go.
             self._key_counts = False
         elif pressed:
-            # A key is refused while the axis moves, and the move goes on, also when the key is let go; on the ramp of
-            # the last key one of the same direction is taken.
-            rests = -self._settled < self._vel < self._settled
-            ramp = self._target is None and (self._vel > 0.0) is op.forward
+            # A key is refused while the axis moves, and the move or increment goes on, also when the key is let go; on
+            # the ramp of the last held key one of the same direction is taken.
+            rests = -self._settled < self._vel < self._settled and not self._turns_round(op)
+            ramp = self._by_jog and (self._vel > 0.0) is op.forward
             self._key_counts = rests or ramp
             if self._key_counts:
-                self._target = None
+                self._target, self._by_jog = None, op.mode is Mode.CONTINUOUS
                 # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
                 self._origin_ms = now + _COMES_TO_REST_MS if op.mode is Mode.CONTINUOUS else math.inf
         elif renewed and self._key_counts and op.mode is Mode.CONTINUOUS and (op.forward or op.reverse):
@@ -337,10 +373,24 @@ class AxisOracle:
             )
             self._origin_ms = now + _LEASE_MS + _SETTLES_MS + 1e3 * ramp_s
         if stopping:
-            self._origin_ms = now + self._comes_to_rest(min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2))
+            # Halt has the ramp of a move, stop and power off that of a key.
+            dec = (
+                min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2)
+                if op.halt
+                else ramps.jog_release_dec_rad_s2
+            )
+            self._origin_ms = now + self._comes_to_rest(dec)
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
         if released and op.mode is Mode.CONTINUOUS and self._key_counts:
             self._origin_ms = now + self._comes_to_rest(ramps.jog_release_dec_rad_s2)
+
+    def _turns_round(self, op: OperatorCommand) -> bool:
+        """A move is under way that passes zero speed, or is held there by override 0: a key is refused."""
+        target = self._target
+        if target is None or self._halted:
+            return False
+        there = -self._told < self.angle + self.offset - target < self._told
+        return op.override == 0.0 or (not there and self.ms <= self._reason_ms)
 
     def _requested(self, request: DriveRequest) -> None:
         before, self._request = self._request, request
@@ -429,6 +479,12 @@ class AxisOracle:
 
     def _silent(self, energised: bool, brake_open: bool) -> None:
         """Judge one millisecond of an axis that nobody commands any more."""
+        # A controller that comes back tells what it sees then of a stop that went on without it.
+        if self._stop is not None:
+            if self.energised and not energised:
+                self._stop.torque_off(self.ms, self.angle, self.speed)
+            if self.brake_open and not brake_open:
+                self._stop.brake_closed(self.ms)
         self.energised, self.brake_open = energised, brake_open
         if self._silence is None:
             angle, speed = self._commanded
@@ -519,10 +575,12 @@ class AxisOracle:
             self._off_ms = now
             self._test_asked = False
             if self._stop is not None:
-                self._stop.torque_off(now)
+                self._stop.torque_off(now, self.angle, self.speed)
             self._off_unjudged = was_open and brake_open
             if self._off_unjudged and self._request is DriveRequest.DISABLE and not self._told_torque_off():
                 self.say("INV-6", "torque taken off with the brake open, and no alarm says torque off")
+        if brake_open and not was_open:
+            self._moved_ms = now
         if brake_open and not was_open and (not energised or now - self._energised_ms < 10):
             self.say("INV-6", "the brake opens without torque")
         if was_open and not brake_open and self._stop is not None:
@@ -554,15 +612,10 @@ class AxisOracle:
         slow = -self._rest <= speed <= self._rest
         stop.slow_ms = stop.slow_ms + 1 if slow else 0
         way = abs(self.angle - stop.onset.angle) / self._deg
-        from_deg_s = stop.onset.speed / self._deg
-        allowed = self.bounds.way_deg(stop.kind, from_deg_s) + abs(from_deg_s) * self._late_s
-        if way > allowed and not stop.ended:
-            self.say(
-                "INV-1",
-                f"{stop.alarm.code}, {stop.kind.value} from {from_deg_s:.2f} deg/s: "
-                f"{way:.3f} deg, at most {allowed:.3f}",
-            )
-        if not slow and now - stop.told.ms > 1e3 * self.bounds.rest_s[stop.kind]:
+        if way > stop.allowed_deg and not stop.ended:
+            self._too_far(stop, way)
+        # What moves after a rest that was held moves without a reason (INV-2).
+        if not slow and not stop.ended and now - stop.told.ms > 1e3 * self.bounds.rest_s[stop.kind]:
             late = (now - stop.told.ms) * 1e-3
             self.say("INV-1", f"{stop.alarm.code}: still {speed / self._deg:.3f} deg/s after {late:.2f} s")
         if stop.slow_ms >= _AT_REST_MS and (not self.brake_open or self.energised):
@@ -574,6 +627,37 @@ class AxisOracle:
         elif not stop.ended:
             self._anchor = self.angle
 
+    def _too_far(self, stop: Stop, way: float) -> None:
+        """The way is beyond what was known of the stop: by the plant that is there, and a brake that is late."""
+        from_deg_s = stop.onset.speed / self._deg
+        allowed = self._allowed_deg(stop.kind, from_deg_s, way)
+        if (
+            way > allowed
+            and stop.kind is StopClass.QUICK
+            and stop.off is not None
+            and self._told_torque_off()
+        ):
+            # Another cause took the torque off within the ramp: the way until then, and a stop by the brake from there.
+            angle, speed = stop.off
+            before = abs(angle - stop.onset.angle) / self._deg
+            after = self._allowed_deg(StopClass.TORQUE_OFF, speed / self._deg, way - before)
+            allowed = max(allowed, before + after)
+        stop.allowed_deg = allowed
+        if way > allowed:
+            self.say(
+                "INV-1",
+                f"{stop.alarm.code}, {stop.kind.value} from {from_deg_s:.2f} deg/s: "
+                f"{way:.3f} deg, at most {allowed:.3f}",
+            )
+
+    def _allowed_deg(self, kind: StopClass, from_deg_s: float, way: float) -> float:
+        """Permitted way of a class: by the machine file, and where that is passed by the plant that is there."""
+        bounds, late_deg = self.bounds, abs(from_deg_s) * self._late_s
+        known = bounds.way_deg(kind, from_deg_s) + late_deg
+        if way > known and bounds.plant_way_deg is not None:
+            known = max(known, bounds.plant_way_deg(kind, from_deg_s) + late_deg)
+        return known
+
     # --- what is told ---------------------------------------------------------------------------------------------
 
     def _wrong_angle(self, wrong: float) -> None:
@@ -583,8 +667,18 @@ class AxisOracle:
             self._wrong_since = None
         elif self._wrong_since is None:
             self._wrong_since = self.ms
-        elif (self.ms - self._wrong_since) * 1e-3 > limits.TOLD_WRONG_S:
+        elif self._told_wrong_for_long(wrong, self._wrong_since):
             told = self._axis.pos_act_rad * 180.0 / math.pi
             self.say(
                 "INV-7", f"{told:.3f} deg are told, wrong by {wrong / self._deg:.3f} deg, and called valid"
             )
+
+    def _told_wrong_for_long(self, wrong: float, since_ms: int) -> bool:
+        """Longer than an alarm takes; or than the reading is asked for, where it looks like that of an axis at rest."""
+        little = abs(wrong) <= self.bounds.way_deg(StopClass.FEEDBACK, 0.0) * self._deg
+        if little and self.ms > self._stands_ms:
+            # Behind a brake, and under torque that may not be commanded, nobody can ask: the next power-up does.
+            asked = self.brake_open and self._request is _ENABLE and not self._holding()
+            if not asked or self.ms - max(self._stands_ms, self._moved_ms) <= self._answer_ms:
+                return False
+        return (self.ms - since_ms) * 1e-3 > limits.TOLD_WRONG_S

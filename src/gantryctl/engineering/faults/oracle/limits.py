@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from typing import Final
@@ -78,6 +78,7 @@ class Bounds:
         told_rest_deg_s: from the time that is told as "at rest after" on; the controller judges at a fifth.
         dither_deg: a standing encoder is asked by at most so much, forth and back in some ms each.
         rest_s: time to rest by class. way_deg: permitted way by class and speed.
+        plant_way_deg: the same, computed on a plant that is not the one of `way_deg`, asked where that is passed.
     """
 
     sag_deg: float
@@ -91,6 +92,12 @@ class Bounds:
     dither_deg: float
     rest_s: Mapping[StopClass, float]
     way_deg: Callable[[StopClass, float], float]
+    plant_way_deg: Callable[[StopClass, float], float] | None = None
+
+
+def reference_bounds(machine: Machine) -> Bounds:
+    """Those of the reference gantry, for one of its kind whose plant is another (load, friction, stiffness)."""
+    return replace(REFERENCE, plant_way_deg=partial(_computed_way_deg, machine))
 
 
 def bounds_of(machine: Machine) -> Bounds:

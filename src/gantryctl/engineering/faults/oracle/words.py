@@ -24,6 +24,7 @@ class TrueAxis(Protocol):
     angle: float
     speed: float
     offset: float
+    contact_lies: bool
 
     def deg(self, motor_rad: float) -> float:
         """An angle or a speed of the motor at the gantry, deg or deg/s."""
@@ -60,7 +61,9 @@ class Stop:
     Attributes:
         speeds: the true speed of each millisecond since, deg/s at the gantry.
         slow_ms: how long it has been slow. `ended`: at rest and held.
+        allowed_deg: the way that needs no further look.
         off_ms, closed_ms: when the torque went off and the brake closed, after the alarm.
+        off: angle and speed there, where the torque went off after the alarm.
     """
 
     def __init__(self, alarm: Alarm, kind: StopClass, onset: Instant, told: Instant) -> None:
@@ -69,12 +72,15 @@ class Stop:
         self.speeds: list[float] = []
         self.slow_ms = 0
         self.ended = False
+        self.allowed_deg = 0.0
         # What a drive switched off by itself went off within the scan that tells it.
         self.off_ms: int | None = None if told.energised else 0
+        self.off: tuple[float, float] | None = None
         self.closed_ms: int | None = None if told.brake_open else 0
 
-    def torque_off(self, ms: int) -> None:
+    def torque_off(self, ms: int, angle: float, speed: float) -> None:
         """Torque went off."""
+        self.off = (angle, speed) if self.off is None else self.off
         self.off_ms = ms - self.told.ms if self.off_ms is None else self.off_ms
 
     def brake_closed(self, ms: int) -> None:
@@ -123,7 +129,12 @@ def _torque_seen_off(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iter
 
 
 def _brake_closed(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
-    return _time("brake closed", values["time_ms"], stop.closed_ms, true)
+    late_ms = math.inf if true.contact_lies else _LATE_MS
+    return _time("brake closed", values["time_ms"], stop.closed_ms, true, late_ms=late_ms)
+
+
+def _brake_seen_closed(values: dict[str, Any], stop: Stop, true: TrueAxis) -> Iterator[str]:
+    return _time("brake seen closed", values["time_ms"], stop.closed_ms, true, late_ms=math.inf)
 
 
 _Judge = Callable[[dict[str, Any], Stop, TrueAxis], Iterator[str]]
@@ -134,6 +145,7 @@ _JUDGES: Final[dict[Words, _Judge]] = {
     Words.TORQUE_OFF_AFTER: _torque_off,
     Words.TORQUE_OFF_SEEN: _torque_seen_off,
     Words.BRAKE_CLOSED_AFTER: _brake_closed,
+    Words.BRAKE_CLOSED_SEEN: _brake_seen_closed,
 }
 
 

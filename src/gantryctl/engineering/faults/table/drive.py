@@ -42,10 +42,14 @@ DRIVE: Final = (
     Row(
         "D3",
         "Drive stuck in a state",
-        "wanted state not reached within [monitors] power_up_time_ms",
+        "wanted state not reached within [monitors] power_up_time_ms; on the way down within the closing time of the "
+        "brake and 0.2 s",
         "torque off; the brake stays closed; nothing is tried again by itself",
         (Code.DRV_03,),
-        at("unit/program/test_power.py", "test_drive_stuck_on_the_way_up"),
+        (
+            *at("unit/program/test_power.py", "test_drive_stuck_on_the_way_up"),
+            *at("unit/program/test_rare_ways.py", "test_a_drive_that_stays_enabled_is_told"),
+        ),
     ),
     Row(
         "D4",
@@ -81,12 +85,14 @@ DRIVE: Final = (
     Row(
         "D7",
         "Quick stop not obeyed",
-        "speed above the envelope of the ramp by its permitted deviation (0.5 deg/s) for 50 ms",
+        "speed above the envelope of the ramp by its permitted deviation (0.5 deg/s) for 50 ms; "
+        "0.25 s after the end of the ramp, by a tenth of that",
         "torque off and brake",
         (Code.DRV_07,),
         (
             *at("unit/program/test_power_down.py", "test_quick_stop_not_obeyed_becomes_torque_off"),
             *at("system/test_can_axis.py", "test_a_quick_stop_that_is_not_obeyed_takes_the_torque_off"),
+            *at("plant/test_stop_phases.py", "test_a_quick_stop_that_is_not_obeyed_shows_at_any_speed"),
         ),
     ),
     Row(
