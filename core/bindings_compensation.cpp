@@ -73,11 +73,17 @@ void set_numbers(Params& p, Numbers given) {
       throw std::invalid_argument("period_s, reversal_length_rad, fade_rad_s and flank_nm must be positive");
   if (p.moment_observer && !(p.moment_limit_nm > 0.0 && p.friction_spread_nm > 0.0))
     throw std::invalid_argument("moment_limit_nm and friction_spread_nm must be positive");
-  if (!(p.observer_memory > 0.0 && p.observer_memory <= 1.0))
-    throw std::invalid_argument("observer_memory must lie above 0, and be 1 at most");
-  for (double x :
-       {p.observer_speed_rad_s, p.observer_weight, p.observer_rate, p.torque_limit_nm, p.pos_limit_rad,
-        p.backlash_rad, p.encoder_limit_rad, p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
+  if (p.backlash_observer && !(p.moment_observer && p.friction_nm > 0.0 && p.friction_load_nm > 0.0 &&
+                               p.inertia_load_kg_m2 > 0.0 && p.windup_per_acc_s2 > 0.0))
+    throw std::invalid_argument(
+        "the backlash observer needs the moment observer, friction, inertia and wind-up");
+  if (!(p.backlash_step_rad > 0.0)) throw std::invalid_argument("backlash_step_rad must be positive");
+  for (double x : {p.observer_memory, p.backlash_memory})
+    if (!(x > 0.0 && x <= 1.0))
+      throw std::invalid_argument("observer_memory and backlash_memory must lie above 0, and be 1 at most");
+  for (double x : {p.observer_speed_rad_s, p.observer_weight, p.observer_rate, p.torque_limit_nm,
+                   p.pos_limit_rad, p.backlash_rad, p.backlash_held_rad, p.backlash_fast, p.backlash_slow,
+                   p.encoder_limit_rad, p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
     if (!(x >= 0.0)) throw std::invalid_argument("a limit of the compensation is negative");
 }
 
@@ -123,6 +129,7 @@ void turn_back(Law& law, double angle_rad) {
   for (CompensationState<double>* s : {&law.s, &law.before}) {
     s->pos_last_rad -= angle_rad;
     s->ring_last_rad -= angle_rad;
+    s->motor_last_rad -= angle_rad;
   }
 }
 
@@ -152,6 +159,7 @@ void bind_compensation(nb::module_& m) {
   m.attr("REVERSAL_HARMONICS") = kReversalHarmonics;
   m.attr("SCALE_HARMONICS") = kScaleHarmonics;
   m.attr("FAST_WAVES") = kFastWaves;
+  m.attr("BACKLASH_MODELS") = kBacklashModels;
 #define X(name, meaning) #name,
   m.attr("COMPENSATIONS") = nb::cast(std::vector<std::string>{GANTRY_COMPENSATION_SWITCHES(X)});
 #undef X
@@ -206,8 +214,8 @@ void bind_compensation(nb::module_& m) {
       .def(
           "lead",
           [](const Law& law, double pos_rad) {
-            return map_correction(law.p, moment_now(law.p, law.s), law.s.direction, 0.0, pos_rad, 0.0, 0.0,
-                                  0.0)
+            return map_correction(law.p, moment_now(law.p, law.s), flank_now(law.p, law.s), law.s.direction,
+                                  0.0, pos_rad, 0.0, 0.0, 0.0)
                 .pos;
           },
           nb::arg("pos_rad"), "How far the motor leads the load at rest by the maps, rad at the gantry.")

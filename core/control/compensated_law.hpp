@@ -2,7 +2,7 @@
 // itself.
 #pragma once
 
-#include "core/control/moment_observer.hpp"
+#include "core/control/backlash_observer.hpp"
 #include "core/control/position_law.hpp"
 
 namespace gantry::GANTRY_ISA {
@@ -19,6 +19,11 @@ struct CompensatedResult {
   T moment_change_nm;  // of the eccentric moment since the calibration, as observed; 0 without the observer
 };
 
+template <class T>
+Flank<T> flank_now(const CompensationParams<T>& p, const CompensationState<T>& s) {
+  return {backlash_now(p, s), friction_load_now(p, s)};
+}
+
 // Where the load is by motor encoder and maps, at rest: what the set-point starts from.
 template <class T>
 T resting_position(const PositionLawParams<T>& law, const CompensationParams<T>& p,
@@ -26,8 +31,9 @@ T resting_position(const PositionLawParams<T>& law, const CompensationParams<T>&
   const T zero = T(0.0);
   const T y = law.rad_per_count * counts / law.ratio;
   const Moment<T> moment = moment_now(p, s);
-  const T first = y - map_correction(p, moment, s.direction, zero, y, zero, zero, zero).pos;
-  return y - map_correction(p, moment, s.direction, zero, first, zero, zero, zero).pos - s.bias_rad;
+  const Flank<T> flank = flank_now(p, s);
+  const T first = y - map_correction(p, moment, flank, s.direction, zero, y, zero, zero, zero).pos;
+  return y - map_correction(p, moment, flank, s.direction, zero, first, zero, zero, zero).pos - s.bias_rad;
 }
 
 // Slow integral of the load-side error: bias' = K (r - y_load) outside the dead band, limited.
@@ -41,11 +47,11 @@ T load_side_bias(const CompensationParams<T>& p, T bias, T error) {
 // Twist without what the set-point plans, its wind-up and its flank: a load that is accelerated as planned
 // does not swing.
 template <class T>
-T unplanned_twist(const CompensationParams<T>& p, const Moment<T>& m, T direction, const SetPoint<T>& r,
-                  T twist) {
+T unplanned_twist(const CompensationParams<T>& p, const Moment<T>& m, const Flank<T>& flank, T direction,
+                  const SetPoint<T>& r, T twist) {
   const T zero = T(0.0);
   return twist - windup_correction(p, m, r.pos, r.vel, r.acc, zero).pos -
-         backlash_correction(p, m, direction, zero, r.pos, r.vel, r.acc, zero).pos;
+         backlash_correction(p, m, flank, direction, zero, r.pos, r.vel, r.acc, zero).pos;
 }
 
 // Speed, at the gantry, by which the motor yields to the swing of the load: g (Kpp (w - r') + w1^2 (twist -
@@ -63,14 +69,14 @@ T damping_speed(const CompensationParams<T>& p, T kpp_per_s, CompensationState<T
 // First scan after the axis began to follow, in the lanes where it is; direction, bias and what was observed
 // are kept, they describe the machine.
 template <class T>
-void begin_following(const CompensationParams<T>& p, const Moment<T>& m, T ratio, const SetPoint<T>& r, T y,
-                     T ring, CompensationState<T>& s) {
+void begin_following(const CompensationParams<T>& p, const Moment<T>& m, const Flank<T>& flank, T ratio,
+                     const SetPoint<T>& r, T y, T ring, CompensationState<T>& s) {
   const auto going = s.started;
   s.pos_last_rad = select(going, s.pos_last_rad, r.pos);
   s.acc_last_rad_s2 = select(going, s.acc_last_rad_s2, r.acc);
   s.ring_last_rad = select(going, s.ring_last_rad, ring);
   s.vel_ring_rad_s = select(going, s.vel_ring_rad_s, r.vel);
-  s.twist_slow_rad = select(going, s.twist_slow_rad, unplanned_twist(p, m, s.direction, r, y - ring));
+  s.twist_slow_rad = select(going, s.twist_slow_rad, unplanned_twist(p, m, flank, s.direction, r, y - ring));
   s.torque_zero_nm = select(going, s.torque_zero_nm, feed_forward_torque(p, ratio, r.pos, r.acc));
   s.started = mask<T>(true);
 }
@@ -113,14 +119,16 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   const LoadSideReading<T> reading = load_side_reading(p, s, ring, lead, r.vel, y);
   ring = reading.taken;
   const Moment<T> moment = moment_now(p, s);
-  if (any(negate(s.started))) begin_following(p, moment, ratio, r, y, ring, s);
+  const Flank<T> flank = flank_now(p, s);
+  const MaskOf<T> going = s.started;
+  if (any(negate(going))) begin_following(p, moment, flank, ratio, r, y, ring, s);
 
   const T before = s.direction;
   const T way = (r.pos - s.pos_last_rad) / p.reversal_length_rad;
   s.direction = clamp(before + way, T(-1.0), T(1.0));
   const T turning = (s.direction - before) / p.period_s;
   const T jerk = (r.acc - s.acc_last_rad_s2) / p.period_s;
-  const Motion<T> c = map_correction(p, moment, s.direction, turning, r.pos, r.vel, r.acc, jerk);
+  const Motion<T> c = map_correction(p, moment, flank, s.direction, turning, r.pos, r.vel, r.acc, jerk);
   if (p.load_encoder) s.bias_rad = load_side_bias(p, s.bias_rad, r.pos - ring);
 
   const T shift = c.pos + s.bias_rad;
@@ -128,7 +136,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   out.law = position_law(law, r.pos + shift - lead, r.vel + c.vel, counts);
   out.law.pos_act_rad = out.law.pos_act_rad + lead - shift;
   if (p.damping) {
-    const T twist = unplanned_twist(p, moment, s.direction, r, y - ring);
+    const T twist = unplanned_twist(p, moment, flank, s.direction, r, y - ring);
     const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, r.vel, twist);
     out.law.vel_cmd_rad_s = clamp(out.law.vel_cmd_rad_s - yields, -law.vel_max_rad_s, law.vel_max_rad_s);
   }
@@ -137,6 +145,10 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   out.disagreement_rad = reading.seen - (y - c.pos);
   out.moment_change_nm = T(0.0);
   if (p.moment_observer) out.moment_change_nm = size_of(observe_moment(p, ratio, r, torque_nm, s));
+  if (p.backlash_observer) {
+    const T x = y - gear_correction(p, r.pos, r.vel).pos;
+    observe_backlash(p, ratio, r, x, torque_nm, going, s);
+  }
   s.pos_last_rad = r.pos;
   s.acc_last_rad_s2 = r.acc;
   s.ring_last_rad = ring;

@@ -28,7 +28,8 @@ constexpr int kFastWaves = 12;
   X(load_encoder, "slow integral of the load-side error")                                             \
   X(scale_map, "errors of the load-side encoder itself, from its map")                                \
   X(damping, "load swing damped through the load-side encoder")                                       \
-  X(moment_observer, "what the eccentric moment has become, from the motor torque")
+  X(moment_observer, "what the eccentric moment has become, from the motor torque")                   \
+  X(backlash_observer, "what the backlash has become, from the motor torque")
 
 #define GANTRY_COMPENSATION_PARAMS(X)                                                                 \
   X(period_s, 1e-3, "scan period")                                                                    \
@@ -42,7 +43,7 @@ constexpr int kFastWaves = 12;
   X(backlash_rad, 0.0, "backlash, both flanks together, at the gantry")                               \
   X(friction_load_nm, 0.0, "friction behind the mesh")                                                \
   X(inertia_load_kg_m2, 0.0, "behind the mesh")                                                       \
-  X(flank_nm, 1.0, "torque in the mesh, on either side of 0, over which the flank changes")           \
+  X(flank_nm, 1.0, "torque in the flank, on either side of 0, over which the flank changes")           \
   X(fade_rad_s, 1e9, "waves passing faster than this are no longer followed")                         \
   X(pos_limit_rad, 0.0, "largest correction of all maps together")                                    \
   X(encoder_gain_per_s, 0.0, "integral gain of the load-side loop")                                   \
@@ -62,7 +63,12 @@ constexpr int kFastWaves = 12;
   X(observer_speed_rad_s, 0.0, "slower motion says nothing about the moment")                         \
   X(observer_weight, 0.0, "of the torque of one scan, 1/(N m)^2")                                     \
   X(observer_memory, 1.0, "exp(-Ts/T) of what was seen in motion")                                    \
-  X(observer_rate, 0.0, "1 - exp(-Ts/T) of the moment in use")
+  X(observer_rate, 0.0, "1 - exp(-Ts/T) of the moment in use")                                        \
+  X(backlash_step_rad, 1.0, "backlash from one model of the bank to the next")                        \
+  X(backlash_held_rad, 0.0, "backlash that maps and backlash_rad were identified with")               \
+  X(backlash_memory, 1.0, "exp(-Ts/T) of what was seen in motion")                                    \
+  X(backlash_fast, 0.0, "1 - exp(-Ts/T) of torques faster than the swing")                            \
+  X(backlash_slow, 0.0, "1 - exp(-Ts/T) of torques slower than the swing")
 
 #define GANTRY_COMPENSATION_STATE(X)                                                                  \
   X(direction, "of the last motion, -1..1")                                                           \
@@ -83,8 +89,31 @@ constexpr int kFastWaves = 12;
   X(info_cosine_friction, "see info_sine")                                                            \
   X(seen_sine, "sums of the moment observer: columns with the torque left over")                      \
   X(seen_cosine, "see seen_sine")                                                                     \
-  X(seen_friction, "see seen_sine")
+  X(seen_friction, "see seen_sine")                                                                   \
+  X(backlash_change_rad, "change of the backlash that is in use")                                     \
+  X(friction_change_nm, "change of all friction that the backlash observer uses")                     \
+  X(motor_last_rad, "motor angle less gear error of the last scan, at the gantry")                    \
+  X(motor_vel_rad_s, "its speed")
+
+#define GANTRY_LOAD_MODEL_STATE(X)                                                                    \
+  X(twist_rad, "motor before load")                                                                   \
+  X(vel_rad_s, "of the load")                                                                         \
+  X(fast_nm, "torque that the model leaves, filtered once")                                           \
+  X(smooth_nm, "filtered twice")                                                                      \
+  X(slow_nm, "what of it changes slowly")                                                             \
+  X(misfit, "sum of squares of the rest, in variances")
 // clang-format on
+
+// A load behind the gears of one backlash: backlash_observer.hpp.
+template <class T>
+struct LoadModel {
+#define X(name, meaning) T name = T(0.0);
+  GANTRY_LOAD_MODEL_STATE(X)
+#undef X
+};
+
+// Backlash 0, 1, 2 ... steps: a parabola between them errs by less than a tenth of a step.
+constexpr int kBacklashModels = 8;
 
 template <class T>
 struct CompensationParams {
@@ -106,7 +135,15 @@ struct CompensationState {
 #define X(name, meaning) T name = T(0.0);
   GANTRY_COMPENSATION_STATE(X)
 #undef X
+  std::array<LoadModel<T>, kBacklashModels> bank{};
   MaskOf<T> started = mask<T>(false);
+};
+
+// What the flank of the gears depends on, as far as it is followed.
+template <class T>
+struct Flank {
+  T backlash_rad;
+  T friction_nm;  // behind the mesh
 };
 
 template <class T>
@@ -158,20 +195,20 @@ Motion<T> windup_correction(const CompensationParams<T>& p, const Moment<T>& m, 
 // Half the backlash, on the flank that the mesh torque of the set-point asks for: Tg = M(r) + z F + J r''.
 // s(u) = u (3 - u^2)/2 for |u| < 1, u = Tg / flank_nm: its ends have no step of the speed.
 template <class T>
-Motion<T> backlash_correction(const CompensationParams<T>& p, const Moment<T>& m, T direction, T turning,
-                              T pos, T vel, T acc, T jerk) {
+Motion<T> backlash_correction(const CompensationParams<T>& p, const Moment<T>& m, const Flank<T>& flank,
+                              T direction, T turning, T pos, T vel, T acc, T jerk) {
   const Curve<T> held = holding_moment(m, pos);
-  const T torque = held.value + direction * p.friction_load_nm + p.inertia_load_kg_m2 * acc;
-  const T rate = held.slope * vel + turning * p.friction_load_nm + p.inertia_load_kg_m2 * jerk;
+  const T torque = held.value + direction * flank.friction_nm + p.inertia_load_kg_m2 * acc;
+  const T rate = held.slope * vel + turning * flank.friction_nm + p.inertia_load_kg_m2 * jerk;
   const T u = clamp(torque / p.flank_nm, T(-1.0), T(1.0));
-  const T half = T(0.5) * p.backlash_rad;
+  const T half = T(0.5) * flank.backlash_rad;
   return {half * (T(0.5) * u * (T(3.0) - u * u)), half * (T(1.5) * (T(1.0) - u * u)) * (rate / p.flank_nm)};
 }
 
 // All maps at a set-point; limited, and standing still where it is limited.
 template <class T>
-Motion<T> map_correction(const CompensationParams<T>& p, const Moment<T>& m, T direction, T turning, T pos,
-                         T vel, T acc, T jerk) {
+Motion<T> map_correction(const CompensationParams<T>& p, const Moment<T>& m, const Flank<T>& flank,
+                         T direction, T turning, T pos, T vel, T acc, T jerk) {
   Motion<T> c{T(0.0), T(0.0)};
   const auto add = [&c](const Motion<T>& more) {
     c.pos = c.pos + more.pos;
@@ -182,7 +219,7 @@ Motion<T> map_correction(const CompensationParams<T>& p, const Moment<T>& m, T d
   if (p.reversal) {
     const Curve<T> lost = harmonics(p.lost_motion, pos);
     add({direction * lost.value, direction * lost.slope * vel + turning * lost.value});
-    add(backlash_correction(p, m, direction, turning, pos, vel, acc, jerk));
+    add(backlash_correction(p, m, flank, direction, turning, pos, vel, acc, jerk));
   }
   const T limited = clamp(c.pos, -p.pos_limit_rad, p.pos_limit_rad);
   return {limited, select(limited == c.pos, c.vel, T(0.0) * c.pos)};

@@ -32,6 +32,14 @@ Moment<T> moment_change(const CompensationParams<T>& p, const CompensationState<
   return {sine, (c2 - b12 * sine) / b22};
 }
 
+// The same of all friction.
+template <class T>
+T friction_change(const CompensationParams<T>& p, const CompensationState<T>& s) {
+  const T a33 = s.info_friction + T(1.0) / (p.friction_spread_nm * p.friction_spread_nm);
+  const Moment<T> m = moment_change(p, s);
+  return (s.seen_friction - s.info_sine_friction * m.sine_nm - s.info_cosine_friction * m.cosine_nm) / a33;
+}
+
 template <class T>
 T size_of(const Moment<T>& m) {
   return vsqrt(m.sine_nm * m.sine_nm + m.cosine_nm * m.cosine_nm);

@@ -174,6 +174,11 @@ class Batch {
 #define X(name, meaning) set_lane(compensation_.s.name, k, one.s.name);
     GANTRY_COMPENSATION_STATE(X)
 #undef X
+    for (std::size_t n = 0; n < kBacklashModels; ++n) {
+#define X(name, meaning) set_lane(compensation_.s.bank[n].name, k, one.s.bank[n].name);
+      GANTRY_LOAD_MODEL_STATE(X)
+#undef X
+    }
     set_lane(compensation_.s.started, k, one.s.started);
   }
 
@@ -209,6 +214,11 @@ class Batch {
 #define X(name, meaning) c->s.name = lane(compensation_.s.name, k);
     GANTRY_COMPENSATION_STATE(X)
 #undef X
+    for (std::size_t n = 0; n < kBacklashModels; ++n) {
+#define X(name, meaning) c->s.bank[n].name = lane(compensation_.s.bank[n].name, k);
+      GANTRY_LOAD_MODEL_STATE(X)
+#undef X
+    }
     c->s.started = lane(compensation_.s.started, k);
   }
 
@@ -273,6 +283,11 @@ class Batch {
 #define X(name, meaning) s.name = select(follows_, s.name, before.name);
     GANTRY_COMPENSATION_STATE(X)
 #undef X
+    for (std::size_t n = 0; n < kBacklashModels; ++n) {
+#define X(name, meaning) s.bank[n].name = select(follows_, s.bank[n].name, before.bank[n].name);
+      GANTRY_LOAD_MODEL_STATE(X)
+#undef X
+    }
     s.started = either(both(follows_, s.started), both(negate(follows_), before.started));
     return command(row, adding);
   }

@@ -131,7 +131,7 @@ GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x,
                                   Forces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
-  if (p.thermal) torque = torque * anchor.thermal.motor_torque;
+  if (p.thermal || p.torque_constant) torque = torque * anchor.thermal.motor_torque;
   if (p.ripple) torque = torque + ripple_torque(plant, side.ripple, x.torque_motor);
   if (p.cogging) torque = torque + side.cogging;
   if (p.motor_friction) {

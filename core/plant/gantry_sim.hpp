@@ -110,7 +110,7 @@ class GantrySim {
     report = Report();
     report.torque_mesh = torque_mesh;
     if (servo_on) {
-      if (p.thermal) torque_motor = torque_motor / thermal.motor_torque;
+      if (p.thermal || p.torque_constant) torque_motor = torque_motor / thermal.motor_torque;
       x.torque_motor = torque_motor;
       s.torque_set = torque_motor;
       s.integral = torque_motor / drive_.p.kvp_nm_s_per_rad;

@@ -72,6 +72,7 @@ constexpr int kWindWaves = 24;
   X(motor_temp_time_s, 1.0, "time constant between them")                                              \
   X(half_backlash_rad_per_k, 0.0, "growth of b/2 with the temperature of the gears")                   \
   X(viscosity_per_k, 0.0, "viscous friction goes with exp(this x temperature of the gears)")           \
+  X(torque_constant_ratio, 1.0, "torque that the motor gives for the torque that the drive asks of it")   \
   X(torque_constant_per_k, 0.0, "growth of the torque with the temperature of the motor, as a part")   \
   X(roller_ageing_nm, 0.0, "growth of the rollers' breakaway at standstill")                           \
   X(roller_ageing_time_s, 1.0, "time constant of it")                                                  \
@@ -102,6 +103,7 @@ constexpr int kWindWaves = 24;
   X(wind, bool, false, "moment of the wind present")                                                   \
   X(ring_teeth, int, 0, "teeth of the ring, for the errors of single teeth")                           \
   X(tooth_pitch, bool, false, "pitch errors of single teeth present")                                  \
+  X(torque_constant, bool, false, "the drive counts with another torque constant than the motor has")     \
   X(thermal, bool, false, "temperatures act on backlash, viscous friction and torque")                 \
   X(ageing, bool, false, "breakaway grows at standstill")                                              \
   X(cogging_order, int, 1, "cogging cycles per motor turn")                                            \

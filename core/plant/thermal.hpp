@@ -14,7 +14,8 @@ struct Thermal {
 
   Thermal() = default;
   // A time after the start.
-  Thermal(const PlantParams<T>& p, T time) : half_backlash(p.half_backlash_rad) {
+  Thermal(const PlantParams<T>& p, T time)
+      : half_backlash(p.half_backlash_rad), motor_torque(p.torque_constant_ratio) {
     if (!p.thermal) return;
     const T gear =
         p.gear_temp_end_k + (p.gear_temp_start_k - p.gear_temp_end_k) * vexp(-(time / p.gear_temp_time_s));
@@ -23,7 +24,7 @@ struct Thermal {
     const T gap = half_backlash + p.half_backlash_rad_per_k * gear;
     if (p.backlash) half_backlash = select(gap > T(0.0), gap, T(0.0));
     viscosity = vexp(p.viscosity_per_k * gear);
-    motor_torque = T(1.0) + p.torque_constant_per_k * motor;
+    motor_torque = motor_torque * (T(1.0) + p.torque_constant_per_k * motor);
   }
 };
 

@@ -18,6 +18,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 Moment<double> calibrated(const Params& p) { return {p.moment_sine_nm, p.moment_cosine_nm}; }
 
+Flank<double> flank(const Params& p) { return {p.backlash_rad, p.friction_load_nm}; }
+
 Params maps() {
   Params p;
   p.gear_map = p.windup = p.reversal = true;
@@ -60,7 +62,7 @@ TEST(Maps, speed_is_the_derivative_of_the_position) {
   p.fade_rad_s = 1e12;  // the fading itself moves with the speed and is left out of the derivative on purpose
   const double pos = 0.7, vel = 0.05, acc = 0.01, jerk = 0.02, h = 1e-5;
   const auto at = [&](double t) {
-    return map_correction(p, calibrated(p), 0.3 + 2.0 * t, 2.0,
+    return map_correction(p, calibrated(p), flank(p), 0.3 + 2.0 * t, 2.0,
                           pos + t * (vel + t * (acc / 2 + t * jerk / 6)), vel + t * (acc + t * jerk / 2),
                           acc + t * jerk, jerk);
   };
@@ -73,7 +75,7 @@ TEST(Maps, windup_is_torque_over_stiffness) {
   p.gear_map = p.reversal = false;
   const double pos = 1.1, acc = 0.0117;
   const double wanted = (1.6e4 * std::sin(pos) - 2e3 * std::cos(pos)) * 2.8e-9 + 6.2e-3 * acc;
-  EXPECT_NEAR(map_correction(p, calibrated(p), 0.0, 0.0, pos, 0.0, acc, 0.0).pos, wanted, 1e-16);
+  EXPECT_NEAR(map_correction(p, calibrated(p), flank(p), 0.0, 0.0, pos, 0.0, acc, 0.0).pos, wanted, 1e-16);
 }
 
 TEST(Maps, backlash_lies_on_the_flank_that_the_planned_torque_asks_for) {
@@ -84,7 +86,7 @@ TEST(Maps, backlash_lies_on_the_flank_that_the_planned_torque_asks_for) {
   p.inertia_load_kg_m2 = 2.2e6;
   p.flank_nm = 1e3;
   const auto at = [&](double direction, double pos, double acc) {
-    return backlash_correction(p, calibrated(p), direction, 0.0, pos, 0.0, acc, 0.0).pos;
+    return backlash_correction(p, calibrated(p), flank(p), direction, 0.0, pos, 0.0, acc, 0.0).pos;
   };
   const double quarter = 1.570796326794896619;
   EXPECT_EQ(at(-1.0, quarter, 0.0), 4e-5);  // the moment holds it, whatever the direction
@@ -106,11 +108,11 @@ TEST(Harmonics, above_those_in_use_are_not_looked_at) {
 TEST(Maps, are_limited_and_then_stand_still) {
   Params p = maps();
   p.map.sine[0] = 1.0;  // a map of nonsense
-  const auto c = map_correction(p, calibrated(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0);
+  const auto c = map_correction(p, calibrated(p), flank(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0);
   EXPECT_EQ(c.pos, p.pos_limit_rad);
   EXPECT_EQ(c.vel, 0.0);
   p.map.sine[0] = -1.0;
-  EXPECT_EQ(map_correction(p, calibrated(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0).pos, -p.pos_limit_rad);
+  EXPECT_EQ(map_correction(p, calibrated(p), flank(p), 1.0, 5.0, 1.5, 0.1, 0.0, 0.0).pos, -p.pos_limit_rad);
 }
 
 TEST(Maps, waves_that_pass_too_fast_are_left_alone) {
@@ -175,6 +177,7 @@ TEST(LoadSide, integral_goes_towards_the_error_and_is_limited) {
   p.encoder_dead_band_rad = 2e-6;
   p.encoder_limit_rad = 1e-4;
   EXPECT_EQ(load_side_bias(p, 0.0, 1.9e-6), 0.0);
+  for (double edge : {2e-6, -2e-6}) EXPECT_EQ(load_side_bias(p, 0.0, edge), 0.0);
   EXPECT_NEAR(load_side_bias(p, 0.0, 1e-3), 1e-6, 1e-18);
   EXPECT_EQ(load_side_bias(p, 3e-5, -1.9e-6), 3e-5);
   EXPECT_NEAR(load_side_bias(p, 0.0, -1e-3), -1e-6, 1e-18);
@@ -227,6 +230,197 @@ TEST(CompensatedLaw, yields_to_a_load_that_runs_ahead) {
     const double cmd =
         compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.3 + side * 1e-5, 0.0).law.vel_cmd_rad_s;
     EXPECT_NEAR(cmd, -side * law.ratio * 0.00492062, 1e-5);
+  }
+}
+
+// The load at 0.4 rad/s in this scan, 0.2 before, filtered by half: 0.3, at a set-point of 0.1. A twist of
+// 1 mrad, a tenth of which counts as resting from now on. 0.5 (10 x 0.2 + 10^2 x 0.9e-3) = 1.045 rad/s.
+TEST(CompensatedLaw, yields_to_speed_and_twist_of_a_swing) {
+  Params p;
+  p.damping_gain = 0.5;
+  p.swing_rad_s = 10.0;
+  p.damping_filter = 0.5;
+  p.damping_slow = 0.1;
+  for (double side : {1.0, -1.0}) {
+    State s;
+    s.ring_last_rad = side * 0.3;
+    s.vel_ring_rad_s = side * 0.2;
+    EXPECT_NEAR(damping_speed(p, 10.0, s, side * 0.3004, side * 0.1, side * 1e-3), side * 1.045, 1e-9);
+    EXPECT_NEAR(s.vel_ring_rad_s, side * 0.3, 1e-9);
+    EXPECT_NEAR(s.twist_slow_rad, side * 1e-4, 1e-12);
+    s.ring_last_rad = side * 0.3004;  // and stands from now on
+    EXPECT_NEAR(damping_speed(p, 10.0, s, side * 0.3004, 0.0, side * 1e-3), side * 0.5 * (1.5 + 0.081), 1e-9);
+    EXPECT_NEAR(s.twist_slow_rad, side * 1.9e-4, 1e-12);
+  }
+}
+
+// Both readings are 1 ms old: at 0.1 rad/s motor and load are 0.1 mrad further on, and agree.
+TEST(CompensatedLaw, counts_the_way_since_the_load_side_encoder_was_read) {
+  Params p;
+  p.load_encoder = true;
+  p.latency_s = 1e-3;
+  const PositionLawParams<double> law = example::law();
+  for (double vel : {0.1, -0.1}) {
+    State s;
+    const double shown = 0.3 - 1e-3 * vel;
+    const double counts = shown * law.ratio / law.rad_per_count;
+    const auto out = compensated_law(law, p, s, {0.3, vel, 0.0}, counts, shown, 0.0);
+    EXPECT_NEAR(s.ring_last_rad, 0.3, 1e-12);
+    EXPECT_NEAR(out.disagreement_rad, 0.0, 1e-9);
+  }
+}
+
+// A load 1 mrad behind its set-point at a gain of 1 /s: 1 urad in a scan, towards the set-point.
+TEST(CompensatedLaw, learns_the_error_of_the_load_in_both_directions) {
+  Params p;
+  p.load_encoder = true;
+  p.encoder_gain_per_s = 1.0;
+  p.encoder_limit_rad = 1e-4;
+  const PositionLawParams<double> law = example::law();
+  for (double side : {1.0, -1.0}) {
+    State s;
+    const double counts = 0.3 * law.ratio / law.rad_per_count;
+    compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.3 - side * 1e-3, 0.0);
+    EXPECT_NEAR(s.bias_rad, side * 1e-6, 1e-15);
+  }
+}
+
+// A map of 1 mrad sin x at 0: nothing to lead by, but 1 mrad more a radian. The motor is commanded that much
+// faster, through kvf = 1.
+TEST(CompensatedLaw, feeds_the_speed_of_its_correction_forward) {
+  Params p;
+  p.gear_map = true;
+  p.map.sine[0] = 1e-3;
+  p.pos_limit_rad = 1e-2;
+  const PositionLawParams<double> law = example::law();
+  for (double vel : {0.1, -0.1}) {
+    State s;
+    const auto out = compensated_law(law, p, s, {0.0, vel, 0.0}, 0.0, 0.0, 0.0);
+    EXPECT_NEAR(out.law.vel_cmd_rad_s, law.ratio * 1.001 * vel, 1e-9);
+  }
+}
+
+// A direction that goes from 0 to the half in a scan of 1 ms turns at 500 /s: 10 urad of lost motion then
+// pass at 5 mrad/s. An acceleration that grows by 2 mrad/s2 in a scan, 2 rad/s3, winds up at 6.2e-3 x 2
+// rad/s, and one that stays not at all.
+TEST(CompensatedLaw, takes_turning_and_jerk_from_one_scan_to_the_next) {
+  const PositionLawParams<double> law = example::law();
+  for (double side : {1.0, -1.0}) {
+    Params p;
+    p.reversal = true;
+    p.reversal_length_rad = 1e-4;
+    p.lost_motion.mean = 1e-5;
+    p.pos_limit_rad = 1e-3;
+    State s;
+    compensated_law(law, p, s, {0.3, 0.0, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.0, 0.0);
+    const double next = 0.3 + side * 5e-5;
+    const double led = (next + side * 5e-6) * law.ratio / law.rad_per_count;
+    const auto out = compensated_law(law, p, s, {next, 0.0, 0.0}, led, 0.0, 0.0);
+    EXPECT_NEAR(out.law.vel_cmd_rad_s, side * law.ratio * 5e-3, 1e-7);
+
+    p = Params();
+    p.windup = true;
+    p.windup_per_acc_s2 = 6.2e-3;
+    p.pos_limit_rad = 1e-2;
+    State t;
+    const auto speed = [&](double acc) {
+      const double counts = (0.3 + 6.2e-3 * acc) * law.ratio / law.rad_per_count;
+      return compensated_law(law, p, t, {0.3, 0.0, acc}, counts, 0.0, 0.0).law.vel_cmd_rad_s;
+    };
+    EXPECT_NEAR(speed(side * 0.1), 0.0, 1e-7);
+    EXPECT_NEAR(speed(side * 0.102), side * law.ratio * 1.24e-2, 1e-7);
+    EXPECT_NEAR(speed(side * 0.102), 0.0, 1e-7);
+  }
+}
+
+// Of a twist of 100 urad 44.8 are wound up by the moment (16 kN m x 2.8e-9) and 40 are half the backlash.
+TEST(CompensatedLaw, takes_wind_up_and_flank_of_the_plan_off_a_twist) {
+  Params p;
+  p.moment_sine_nm = 1.6e4;
+  p.compliance_rad_per_nm = 2.8e-9;
+  p.backlash_rad = 8e-5;
+  p.flank_nm = 1e3;
+  const double quarter = 1.570796326794896619;
+  for (double side : {1.0, -1.0}) {
+    const SetPoint<double> r{side * quarter, 0.0, 0.0};
+    EXPECT_NEAR(unplanned_twist(p, calibrated(p), flank(p), 0.0, r, side * 1e-4), side * 1.52e-5, 1e-18);
+  }
+}
+
+// Without a first reading the load is where the motor is.
+TEST(CompensatedLaw, begins_where_the_motor_is_when_the_load_side_encoder_shows_nothing) {
+  Params p;
+  p.load_encoder = true;
+  const PositionLawParams<double> law = example::law();
+  State s;
+  compensated_law(law, p, s, {0.3, 0.0, 0.0}, 0.3 * law.ratio / law.rad_per_count, kNaN, 0.0);
+  EXPECT_NEAR(s.ring_last_rad, 0.3, 1e-12);
+}
+
+// 20 urad of swing and three missing scans of 50 urad each: 160 urad beside what is reckoned are motion, 180
+// a step, of which a hundredth of the swing is taken.
+TEST(CompensatedLaw, tells_three_missing_scans_from_a_step) {
+  Params p;
+  p.load_encoder = true;
+  p.swing_speed_max_rad_s = 0.02;
+  const PositionLawParams<double> law = example::law();
+  for (double vel : {0.05, -0.05})
+    for (double side : {1.0, -1.0})
+      for (bool step : {false, true}) {
+        State s;
+        compensated_law(law, p, s, {0.3, vel, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3, 0.0);
+        const double next = 0.3 + vel * 1e-3;
+        const double beside = side * (step ? 1.8e-4 : 1.6e-4);
+        const double counts = next * law.ratio / law.rad_per_count;
+        compensated_law(law, p, s, {next, vel, 0.0}, counts, next + beside, 0.0);
+        EXPECT_NEAR(s.ring_last_rad, next + side * (step ? 2e-7 : 2e-5), 1e-12);
+      }
+}
+
+// 40 kN m of the 80 over which the flank changes: u = 1/2, u (3 - u^2)/2 = 0.6875 of half the backlash.
+// Friction of 6 kN m that turns round at 2 /s is 0.15 of the flank in a second: 1.5 (1 - u^2) x 0.15 of half
+// the backlash.
+TEST(Maps, cross_the_backlash_smoothly) {
+  Params p;
+  p.backlash_rad = 8e-5;
+  p.moment_sine_nm = 4e4;
+  p.friction_load_nm = 6e3;
+  p.flank_nm = 8e4;
+  const double quarter = 1.570796326794896619;
+  for (double side : {1.0, -1.0}) {
+    const auto c =
+        backlash_correction(p, calibrated(p), flank(p), 0.0, side * 2.0, side * quarter, 0.0, 0.0, 0.0);
+    EXPECT_NEAR(c.pos, side * 2.75e-5, 1e-18);
+    EXPECT_NEAR(c.vel, side * 6.75e-6, 1e-18);
+  }
+}
+
+TEST(Maps, a_wave_that_is_not_given_is_none) {
+  FastWave<double> no_amplitude, no_cycles;
+  no_amplitude.cycles = 2.0;
+  no_cycles.sine = 1.0;
+  for (const auto& wave : {no_amplitude, no_cycles}) {
+    EXPECT_EQ(fast_wave(wave, 0.7).value, 0.0);
+    EXPECT_EQ(fast_wave(wave, 0.7).slope, 0.0);
+  }
+}
+
+// Half of 80 urad, whatever the lost motion adds: the moment lies on the upper flank.
+TEST(Maps, take_in_lost_motion_and_backlash) {
+  Params p;
+  p.reversal = true;
+  p.backlash_rad = 8e-5;
+  p.moment_sine_nm = 1.6e4;
+  p.flank_nm = 1e3;
+  p.pos_limit_rad = 1e-3;
+  p.lost_motion.mean = 1e-5;
+  const double quarter = 1.570796326794896619;
+  for (double side : {1.0, -1.0}) {
+    const auto c = map_correction(p, calibrated(p), flank(p), side, 0.0, quarter, 0.0, 0.0, 0.0);
+    EXPECT_NEAR(c.pos, 4e-5 + side * 1e-5, 1e-18);
+    // A direction that turns round at 3 /s takes the lost motion with it.
+    EXPECT_NEAR(map_correction(p, calibrated(p), flank(p), side, 3.0, quarter, 0.0, 0.0, 0.0).vel, 3e-5,
+                1e-18);
   }
 }
 
@@ -317,7 +511,7 @@ TEST(CompensatedLaw, begins_in_the_lanes_that_do_not_follow_yet) {
   s.vel_ring_rad_s = Two(0.4);
   s.twist_slow_rad = Two(0.5);
   s.torque_zero_nm = Two(0.6);
-  begin_following(p, Moment<Two>{Two(0.0), Two(0.0)}, Two(1144.0),
+  begin_following(p, Moment<Two>{Two(0.0), Two(0.0)}, Flank<Two>{Two(0.0), Two(0.0)}, Two(1144.0),
                   SetPoint<Two>{Two(1.0), Two(2.0), Two(3.0)}, Two(1.5), Two(1.25), s);
   const auto expect = [](const Two& found, double kept, double fresh) {
     EXPECT_EQ(found.lane[0], kept);
@@ -392,7 +586,8 @@ TEST(CompensatedLaw, reckons_on_without_a_load_side_reading_and_says_so) {
   p.damping_gain = 0.05;
   p.swing_rad_s = 12.6;
   const PositionLawParams<double> law = example::law();
-  for (double lost : {kNaN, std::numeric_limits<double>::infinity(), 1e300}) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (double lost : {kNaN, kInf, -kInf, 1e300, -1e300, 12.0, -12.0, 10.0, -10.0}) {  // no angles of a gantry
     State s;
     compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3, 0.0);
     const auto out =
@@ -487,6 +682,21 @@ TEST(LoadEncoder, noise_has_mean_0_and_variance_1) {
   // three standard errors of mean and variance
   EXPECT_NEAR(sum / kReadings, 0.0, 0.0095);
   EXPECT_NEAR(squares / kReadings, 1.0, 0.0135);
+}
+
+// The sums of the four parts of the hash, computed elsewhere, less their mean of 131070, over 37837.
+TEST(LoadEncoder, noise_of_a_reading_is_the_same_on_every_machine) {
+  EXPECT_NEAR(reading_noise(0), 15635.0 / 37837.0, 1e-12);
+  EXPECT_NEAR(reading_noise(1), -74702.0 / 37837.0, 1e-12);
+  EXPECT_NEAR(reading_noise(2), -60671.0 / 37837.0, 1e-12);
+  EXPECT_NEAR(reading_noise(1000), 56558.0 / 37837.0, 1e-12);
+  LoadEncoderParams<double> p;
+  p.noise_rad = 1e-6;
+  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.0, 1.0), 0.5 - 1e-6 * 74702.0 / 37837.0, 1e-15);
+  p.noise_rad = 0.0;
+  p.step_rad = 1e-6;
+  EXPECT_NEAR(load_encoder_reading(p, 0.50000042, 0.0, 1.0), 0.5, 1e-12);
+  EXPECT_NEAR(load_encoder_reading(p, -0.50000062, 0.0, 1.0), -0.500001, 1e-12);
 }
 
 TEST(LoadEncoder, reads_steps_of_an_older_angle_with_its_own_errors) {

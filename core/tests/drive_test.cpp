@@ -91,6 +91,41 @@ TEST(Drive, without_power_gives_no_torque_at_once_and_begins_where_the_shaft_is)
   EXPECT_EQ(shaft.s.integral, 0.0);
   EXPECT_NEAR(shaft.s.ramp, 3.0, 1e-9);
   EXPECT_FALSE(shaft.limited);
+  shaft.cycle(DriveMode::kOff, 1e4, 0.0);  // more than it could give, and nothing is asked for
+  EXPECT_FALSE(shaft.limited);
+  EXPECT_EQ(DriveCommand<double>().vel_cmd_rad_s, 0.0);
+  EXPECT_EQ(DriveCommand<double>().torque_ff_nm, 0.0);
+}
+
+// A quarter of the step in the first cycle with a filter of 3/4, then a quarter of what is left.
+TEST(Drive, filters_its_speed_feedback) {
+  DriveParams<double> p = simple();
+  p.speed_filter = 0.75;
+  Shaft shaft(p);
+  shaft.cycle(DriveMode::kSpeed, 0.0, 8.0);
+  EXPECT_NEAR(shaft.s.vel_filtered, 2.0, 1e-9);
+  shaft.cycle(DriveMode::kSpeed, 0.0, 8.0);
+  EXPECT_NEAR(shaft.s.vel_filtered, 3.5, 1e-9);
+}
+
+// One wave per turn, one and two per signal period of a quarter turn; 12 whole turns change nothing.
+TEST(Drive, an_encoder_has_errors_of_its_turn_and_of_its_periods) {
+  DriveParams<double> p = simple();
+  p.encoder_errors = true;
+  p.encoder_lines = 4.0;
+  const double turns = 12.0 * 6.283185307179586;
+  for (double x : {0.3, 0.3 + turns, 0.3 - turns}) {
+    p.encoder_eccentricity_rad = 1e-3;
+    p.encoder_eccentricity_phase_rad = 0.4;
+    p.encoder_error_1x_rad = p.encoder_error_2x_rad = 0.0;
+    EXPECT_NEAR(encoder_position(p, x, 0.0) - x, 1e-3 * std::sin(0.7), 1e-13);
+    p.encoder_eccentricity_rad = 0.0;
+    p.encoder_error_1x_rad = 1e-3;
+    EXPECT_NEAR(encoder_position(p, x, 0.0) - x, 1e-3 * std::sin(1.2), 1e-13);
+    p.encoder_error_1x_rad = 0.0;
+    p.encoder_error_2x_rad = 1e-3;
+    EXPECT_NEAR(encoder_position(p, x, 0.0) - x, 1e-3 * std::sin(2.4), 1e-13);
+  }
 }
 
 // (1.5^2 - 1) s in a second at 150 N m; after 4 s the account of 5 s is full and the limit falls. At half the

@@ -82,6 +82,7 @@ inline PlantParams<double> plant() {
   p.motor_temp_time_s = 0.3;
   p.half_backlash_rad_per_k = -4e-6;
   p.viscosity_per_k = -0.05;
+  p.torque_constant_ratio = 0.97;
   p.torque_constant_per_k = -0.001;
   p.roller_ageing_nm = 3000.0;
   p.roller_ageing_time_s = 0.3;
@@ -135,7 +136,7 @@ inline GantrySim<double> sim() { return sim(plant(), drive()); }
 
 // Every effect that the reference machine has switched off.
 inline PlantParams<double> beyond(PlantParams<double> p) {
-  p.wind = p.tooth_pitch = p.thermal = p.ageing = p.cogging = p.cable = true;
+  p.wind = p.tooth_pitch = p.torque_constant = p.thermal = p.ageing = p.cogging = p.cable = true;
   return p;
 }
 

@@ -143,6 +143,122 @@ TEST(Forces, temperatures_act_with_their_signs) {
   EXPECT_NEAR(at(p, x, false, 1e5).acc_motor, 9.4, 1e-9);
 }
 
+// The drive believes in 10 N m; the motor has 3 % less of torque constant, and loses as much again by 30 K.
+TEST(Forces, a_weak_motor_gives_less_than_its_drive_believes) {
+  PlantParams<double> p = simple();
+  p.torque_constant = true;
+  p.torque_constant_ratio = 0.97;
+  State x;
+  x.torque_motor = 10.0;
+  EXPECT_NEAR(at(p, x, false, 0.0).acc_motor, 9.7, 1e-12);
+  p.thermal = true;
+  p.motor_temp_start_k = p.motor_temp_end_k = 30.0;
+  p.torque_constant_per_k = -0.001;
+  EXPECT_NEAR(at(p, x, false, 0.0).acc_motor, 9.7 * 0.97, 1e-12);
+}
+
+// At 30 % more viscosity 5 N m s/rad hold back by 3 N m more at 2 rad/s.
+TEST(Forces, cold_grease_holds_back_more_in_both_directions) {
+  FrictionParams<double> p;
+  p.viscous = 5.0;
+  Thermal<double> cold;
+  cold.viscosity = 1.3;
+  for (double side : {1.0, -1.0}) {
+    Friction<double> f;
+    f.torque = side * 10.0;
+    thicken(p, cold, side * 2.0, f);
+    EXPECT_NEAR(f.torque, side * 13.0, 1e-12);
+  }
+}
+
+// 1 + 2 x + 3 x^2 + 4 x^3 is 49 at 2 rad; 6 N m of friction of the cables are against the motion.
+TEST(Forces, cables_pull_by_their_angle_and_hold_back) {
+  PlantParams<double> p = simple();
+  p.cable = true;
+  p.cable_moment_nm = 1.0;
+  p.cable_moment_1_nm = 2.0;
+  p.cable_moment_2_nm = 3.0;
+  p.cable_moment_3_nm = 4.0;
+  p.cable_friction_nm = 6.0;
+  p.cable_presliding_rad = 1e-3;
+  for (double side : {1.0, -1.0}) {
+    State x;
+    x.pos_load = 2.0;
+    x.pos_motor = 20.0;
+    x.vel_load = side * 1.0;
+    x.vel_motor = side * 10.0;
+    x.cable_z = side * 1e-3;  // they slide
+    p.rigid = false;
+    EXPECT_NEAR(at(p, x).acc_load, (49.0 - side * 6.0) / 50.0, 1e-9);
+    p.rigid = true;
+    EXPECT_NEAR(at(p, x).acc_motor, (4.9 - side * 0.6) / 1.5, 1e-9);
+  }
+}
+
+TEST(Forces, what_is_switched_off_does_not_act) {
+  State x = wound(0.005);
+  x.hysteresis = 0.0;
+  x.vel_motor = 3.0;
+  const auto f = at(simple(), x);
+  EXPECT_EQ(f.hysteresis_rate, 0.0);
+  EXPECT_EQ(f.acc_base, 0.0);
+  EXPECT_EQ(f.roller.torque, 0.0);
+  EXPECT_EQ(f.motor.torque, 0.0);
+  EXPECT_EQ(f.brake.torque, 0.0);
+  EXPECT_EQ(f.cable.torque, 0.0);
+}
+
+// 4 N m of hysteresis and a tenth of 20 N m in the spring, over 1 mrad: at 0.5 rad/s and no hysteresis yet it
+// grows by 6 N m x 0.5 / 1e-3 in a second; when it has come to 6 N m it grows no more.
+TEST(Forces, hysteresis_grows_up_to_its_level) {
+  PlantParams<double> p = simple();
+  p.hysteresis = true;
+  p.hysteresis_torque_nm = 4.0;
+  p.hysteresis_load_ratio = 0.1;
+  p.hysteresis_length_rad = 1e-3;
+  for (double side : {1.0, -1.0}) {
+    State x = wound(side * 0.015);
+    x.vel_motor = side * 5.0;
+    EXPECT_NEAR(at(p, x).hysteresis_rate, side * 3000.0, 1e-6);
+    EXPECT_NEAR(at(p, x).torque_mesh, side * 20.0, 1e-9);
+    x.hysteresis = side * 6.0;
+    EXPECT_NEAR(at(p, x).hysteresis_rate, 0.0, 1e-6);
+    EXPECT_NEAR(at(p, x).torque_mesh, side * 26.0, 1e-9);
+  }
+}
+
+// In the gap the hysteresis is lost within 10 ms.
+TEST(Forces, hysteresis_decays_in_the_gap) {
+  PlantParams<double> p = simple();
+  p.hysteresis = p.backlash = true;
+  p.hysteresis_torque_nm = 4.0;
+  p.hysteresis_length_rad = 1e-3;
+  p.half_backlash_rad = 0.01;
+  State x = wound(0.005);
+  x.hysteresis = 3.0;
+  x.vel_motor = 5.0;
+  EXPECT_NEAR(at(p, x).hysteresis_rate, -300.0, 1e-9);
+  EXPECT_EQ(at(p, x).torque_mesh, 0.0);
+}
+
+// Full from 20 N m on: a wave of 2 N m, three times a turn of the motor, at 10 N m by half.
+TEST(Forces, ripple_grows_with_the_torque_up_to_its_amplitude) {
+  PlantParams<double> p = simple();
+  p.ripple = p.rigid = true;
+  p.ripple_torque_nm = 2.0;
+  p.ripple_full_torque_nm = 20.0;
+  for (int order : {3, 12}) {
+    p.ripple_order = order;
+    for (const auto& [torque, size] : {std::pair{10.0, 1.0}, {-10.0, 1.0}, {20.0, 2.0}, {40.0, 2.0}}) {
+      State x;
+      x.pos_motor = kQuarter / order;
+      x.pos_load = x.pos_motor / 10.0;
+      x.torque_motor = torque;
+      EXPECT_NEAR(at(p, x).acc_motor, (torque + size) / 1.5, 1e-9);
+    }
+  }
+}
+
 // Bandwidth 1000 /s: after 1 ms exp(-1) of the difference is left.
 TEST(CurrentLoop, torque_goes_towards_its_command) {
   PlantParams<double> p = simple();

@@ -144,5 +144,18 @@ TEST(Friction, of_nan_is_nan) {
   EXPECT_TRUE(std::isnan(friction<false>(motor(), gate_of(kRatio), 1.0, nan).torque));
 }
 
+// A contact that ages in 4 s and is worn off over 6 rad, 2 rad of spring turned over at 3 /s: 1/4 + 3 x 2
+// / 6.
+TEST(Friction, contacts_age_at_rest_and_lose_it_in_motion) {
+  Friction<double> f;
+  for (double z : {2.0, -2.0}) {
+    f.slip_rate = 3.0;
+    EXPECT_NEAR(ageing(f, z, 0.25, 4.0, 6.0).slip_rate, 1.25, 1e-15);
+    EXPECT_NEAR(ageing(f, z, 0.25, 4.0, 6.0).z_rate, 0.25 - 0.3125, 1e-15);
+    f.slip_rate = 0.0;
+    EXPECT_NEAR(ageing(f, z, 1.0, 4.0, 6.0).z_rate, 0.0, 1e-15);
+  }
+}
+
 }  // namespace
 }  // namespace gantry

@@ -94,6 +94,7 @@ TEST(MomentObserver, learns_nothing_at_rest_in_reversal_or_without_a_torque) {
     observe_moment(p, kRatio, {1.0, -0.05, 0.0}, 100.0, s);  // the direction has not turned round
     observe_moment(p, kRatio, {1.0, 0.05, 0.0}, kNaN, s);
     observe_moment(p, kRatio, {1.0, 0.05, 0.0}, std::numeric_limits<double>::infinity(), s);
+    observe_moment(p, kRatio, {1.0, 0.05, 0.0}, -std::numeric_limits<double>::infinity(), s);
   }
   EXPECT_EQ(s.info_friction, 0.0);
   EXPECT_EQ(s.moment_sine_nm, 0.0);
@@ -117,6 +118,96 @@ TEST(MomentObserver, goes_a_part_of_the_way_in_each_scan_and_none_where_it_does_
   use_moment(p, {6e3, -8e3}, false, s);
   EXPECT_EQ(s.moment_sine_nm, before.moment_sine_nm);
   EXPECT_EQ(s.moment_cosine_nm, before.moment_cosine_nm);
+}
+
+// Ratio 10, moment 1000 N m, 200 kg m2 at 0.5 rad/s2, 300 N m s/rad at 0.2 rad/s, friction of 50 N m and a
+// tenth of the 1100 N m transmitted: 1320 N m are known. 142 N m of the motor are 1420: 100 are left over,
+// for moment and friction alike.
+TEST(MomentObserver, adds_what_is_left_of_the_torque_to_its_sums) {
+  Params p;
+  p.moment_observer = true;
+  p.moment_sine_nm = 1000.0;
+  p.inertia_kg_m2 = 200.0;
+  p.friction_nm = 50.0;
+  p.friction_load_ratio = 0.1;
+  p.friction_nm_s_per_rad = 300.0;
+  p.observer_speed_rad_s = 0.1;
+  p.observer_weight = 2.0;
+  p.observer_memory = 0.5;
+  const double quarter = 1.570796326794896619;
+  for (double side : {1.0, -1.0}) {
+    State s;
+    s.direction = side;
+    // Half of what was there before is left.
+    s.info_sine = s.info_cosine = s.info_friction = s.seen_sine = s.seen_cosine = s.seen_friction = 8.0;
+    s.info_sine_cosine = s.info_sine_friction = s.info_cosine_friction = 8.0;
+    observe_moment(p, 10.0, {side * quarter, side * 0.2, side * 0.5}, side * 142.0, s);
+    EXPECT_NEAR(s.seen_friction, 4.0 + 200.0, 1e-9);
+    EXPECT_NEAR(s.seen_sine, 4.0 + 200.0, 1e-9);
+    EXPECT_NEAR(s.seen_cosine, 4.0, 1e-9);
+    EXPECT_NEAR(s.info_sine, 4.0 + 2.0, 1e-12);
+    EXPECT_NEAR(s.info_friction, 4.0 + 2.0, 1e-12);
+    EXPECT_NEAR(s.info_sine_friction, 4.0 + 2.0, 1e-12);
+    EXPECT_NEAR(s.info_cosine, 4.0, 1e-12);
+    EXPECT_NEAR(s.info_sine_cosine, 4.0, 1e-12);
+    EXPECT_NEAR(s.info_cosine_friction, 4.0, 1e-12);
+    // At rest nothing is forgotten.
+    observe_moment(p, 10.0, {side * quarter, 0.0, 0.0}, side * 142.0, s);
+    EXPECT_NEAR(s.info_sine, 6.0, 1e-12);
+    EXPECT_NEAR(s.seen_friction, 204.0, 1e-9);
+    // With 500 N m of the cosine at an eighth of a turn: 1060.66 N m of moment, 100 of acceleration, 60 of
+    // speed, 50 + 116.07 of friction. 140 N m of the motor are 1400: 13.274 are left over.
+    Params both = p;
+    both.moment_cosine_nm = side * 500.0;
+    State t;
+    t.direction = side;
+    observe_moment(both, 10.0, {side * quarter / 2.0, side * 0.2, side * 0.5}, side * 140.0, t);
+    EXPECT_NEAR(t.seen_friction, 2.0 * 13.2738, 2e-4);
+    EXPECT_NEAR(t.seen_cosine, side * 2.0 * 13.2738 * 0.7071068, 2e-4);
+    EXPECT_NEAR(t.info_sine_cosine, side * 1.0, 1e-12);
+    EXPECT_NEAR(t.info_cosine_friction, side * 1.4142136, 1e-6);
+    EXPECT_NEAR(t.info_cosine, 1.0, 1e-12);
+  }
+}
+
+// (4 1 2; 1 5 1; 2 1 6) (1 2 3) = (12 14 22), a quarter of the first two numbers of the diagonal and 4 of the
+// third being the prior.
+TEST(MomentObserver, solves_its_three_equations) {
+  Params p;
+  p.moment_limit_nm = 2.0;
+  p.friction_spread_nm = 0.5;
+  State s;
+  s.info_sine = 3.75;
+  s.info_cosine = 4.75;
+  s.info_friction = 2.0;
+  s.info_sine_cosine = 1.0;
+  s.info_sine_friction = 2.0;
+  s.info_cosine_friction = 1.0;
+  s.seen_sine = 12.0;
+  s.seen_cosine = 14.0;
+  s.seen_friction = 22.0;
+  const Moment<double> found = moment_change(p, s);
+  EXPECT_NEAR(found.sine_nm, 1.0, 1e-12);
+  EXPECT_NEAR(found.cosine_nm, 2.0, 1e-12);
+  EXPECT_EQ(size_of(Moment<double>{3.0, -4.0}), 5.0);
+}
+
+// Switched off nothing is learnt and no change is told; switched on both.
+TEST(MomentObserver, acts_in_the_law_where_it_is_switched_on) {
+  for (bool on : {false, true}) {
+    Params p = observed();
+    p.moment_observer = on;
+    p.reversal_length_rad = 1e-6;
+    State s;
+    double change = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      const SetPoint<double> r{0.3 + 1e-4 * k, 0.1, 0.0};
+      change = compensated_law(example::law(), p, s, r, 0.0, 0.0, 80.0).moment_change_nm;
+    }
+    EXPECT_EQ(s.info_friction > 0.0, on);
+    EXPECT_EQ(change > 0.0, on);
+    EXPECT_EQ(change == 0.0, !on);
+  }
 }
 
 // A standing axis must not creep after what it has learnt in motion.

@@ -42,6 +42,19 @@ TEST(PositionLaw, not_a_number_in_any_input_comes_out_as_not_a_number) {
   EXPECT_TRUE(std::isnan(position_law(law(), 0.0, 0.0, kNaN).vel_cmd_rad_s));
 }
 
+TEST(PositionLaw, without_parameters_commands_nothing_and_shows_the_shaft) {
+  PositionLawParams<double> none;
+  EXPECT_EQ(position_law(none, 1.0, 1.0, 7.0).vel_cmd_rad_s, 0.0);
+  EXPECT_EQ(position_law(none, 1.0, 1.0, 7.0).pos_act_rad, 0.0);
+  none.vel_max_rad_s = 1e9;
+  EXPECT_EQ(position_law(none, 1.0, 1.0, 7.0).vel_cmd_rad_s, 0.0);  // no gain
+  PositionLawParams<double> idle;  // a gain, and no speed that it may command
+  idle.rad_per_count = 0.5;
+  idle.kpp_per_s = 10.0;
+  EXPECT_EQ(position_law(idle, 1.0, 1.0, 7.0).pos_act_rad, 3.5);
+  EXPECT_EQ(position_law(idle, 1.0, 1.0, 7.0).vel_cmd_rad_s, 0.0);
+}
+
 TEST(PositionLaw, of_a_pack_is_that_of_each_number) {
   Pack<4> pos, vel, counts;
   for (int k = 0; k < 4; ++k) {

@@ -75,6 +75,22 @@ TEST(Segments, without_segments_holds_its_end) {
   EXPECT_EQ(highest, 1.25);
 }
 
+TEST(Segments, a_plan_of_nothing_stands_at_zero) {
+  for (double t : {0.0, 0.5, 3.0}) expect_point(Segments().sample(t), 0.0, 0.0, 0.0);
+  EXPECT_EQ(Segments().duration(), 0.0);
+}
+
+// A plan that jumps back after a second at 1 rad/s has been at 1 rad, just before the jump.
+TEST(Segments, extremes_look_at_the_end_of_every_segment) {
+  for (double side : {1.0, -1.0}) {
+    const Segments jumps{{{0.0, 0.0, side, 0.0, 0.0}, {1.0, 0.0, 0.0, 0.0, 0.0}}, 2.0, 0.0, 0.0};
+    double lowest = 0.0, highest = 0.0;
+    jumps.extremes(lowest, highest);
+    EXPECT_EQ(lowest, side > 0.0 ? 0.0 : -1.0);
+    EXPECT_EQ(highest, side > 0.0 ? 1.0 : 0.0);
+  }
+}
+
 TEST(Segments, a_time_that_is_no_number_gives_the_end) {
   EXPECT_EQ(plan().sample(std::numeric_limits<double>::quiet_NaN()).pos, plan().pos_end());
 }

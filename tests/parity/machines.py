@@ -51,6 +51,7 @@ def machines(draw: st.DrawFn) -> Machine:
         "plant.thermal.gears_start_k": draw(factor(-10.0, 10.0)),
         "plant.thermal.gears_end_k": draw(factor(-10.0, 10.0)),
         "plant.thermal.motor_end_k": draw(factor(-10.0, 90.0)),
+        "plant.motor.torque_constant_ratio": draw(st.sampled_from([1.0, 0.9, 1.1])),
         "plant.tooth_pitch.seed": draw(st.integers(0, 3)),
         "plant.integration.scheme": draw(st.sampled_from(["one_evaluation", "rk4"])),
     }

@@ -21,7 +21,7 @@ from support.improved import improved_machine
 
 SWITCHES = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
-    "load_encoder.own_errors", "damping.active", "moment_observer.active",
+    "load_encoder.own_errors", "damping.active", "moment_observer.active", "backlash_observer.active",
 )  # fmt: skip
 
 
@@ -71,6 +71,12 @@ def machines(draw: st.DrawFn) -> Machine:
     changes: dict[str, object] = {f"control.compensation.{name}": draw(st.booleans()) for name in SWITCHES}
     changes["control.compensation.load_encoder.active"] = True
     changes["control.compensation.moment_observer.limit_nm"] = 30e3
+    changes["control.compensation.backlash_observer.limit_deg"] = 0.007
+    for needed in ("moment_observer.active", "windup.active", "windup.reversal"):
+        changes["control.compensation.backlash_observer.active"] &= bool(
+            changes[f"control.compensation.{needed}"]
+        )
+    changes["virtual_axis.gentle_end"] = draw(st.booleans())
     changes["control.compensation.latency_us"] = draw(st.sampled_from([0.0, 62.5]))
     changes["control.scan_period_ms"] = draw(st.sampled_from([1.0, 2.0]))
     changes["plant.gear_error.phases_rad"] = draw(st.tuples(*[st.floats(0.0, 6.28)] * 18))

@@ -41,6 +41,61 @@ def test_cogging_keeps_the_energy() -> None:
     assert np.max(np.abs(energy - energy[0])) < 1e-6 * 20.0 / 72
 
 
+def test_a_motor_gives_its_own_torque_constant_times_the_current() -> None:
+    """Te is what the drive believes; on the shaft are 0.97 Te, also when it is warm: 0.97 (1 - 0.001 x 50)."""
+    changes = {"plant.motor.torque_constant_ratio": 0.97, "drive.current_loop.ideal": True}
+    rigid = dict.fromkeys(
+        (
+            f"plant.switches.{name}"
+            for name in ("motor_friction", "roller_friction", "eccentric_moment", "torque_ripple")
+        ),
+        False,
+    ) | {"plant.switches.rigid": True}
+    warm = {
+        "plant.switches.thermal": True,
+        "plant.thermal.motor_start_k": 50.0,
+        "plant.thermal.motor_end_k": 50.0,
+    }
+    for more, factor in (({}, 0.97), (warm, 0.97 * 0.95)):
+        p = plant_params(machine(changes | rigid | more))
+        inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
+        found = at_instant(p, 100.0)[1]["vel_motor"]
+        assert found * inertia == pytest.approx(100.0 * factor, rel=1e-9)
+    assert not plant_params(machine()).torque_constant
+
+
+def test_a_weak_motor_moves_as_one_whose_drive_has_less_gain_limits_and_feed_forward() -> None:
+    """The same motion, whichever of the two is 3 % less; but the drive reports the torque it believes in.
+
+    The ripple goes with what the drive asks for, so it is off.
+    """
+    off = {"plant.switches.torque_ripple": False, "virtual_axis.profile": "jerk_limited"}
+    weak = machine(off | {"plant.motor.torque_constant_ratio": 0.97})
+    usual = machine(off)
+    less = drive_params(usual)
+    for name in ("kvp_nm_s_per_rad", "torque_max_nm", "torque_rated_nm"):
+        setattr(less, name, 0.97 * getattr(less, name))
+    a, b = gantry_sim(weak), gantry_sim(usual, drive=less)
+    for sim in (a, b):
+        sim.static_start(rad(40.0), True)
+    for k in range(400):
+        # A speed that rises within 0.2 s, fed forward; 2000 N m are beyond the limit of the drive.
+        speed, ff = 40.0 * min(1.0, k / 200.0), 2000.0 if 250 <= k < 270 else 60.0 * (k < 200)
+        a.scan(1, speed, ff, True)
+        b.scan(1, speed, 0.97 * ff, True)
+    for name in ("pos_motor", "vel_motor", "pos_load", "vel_load", "pos_base"):
+        assert a.state[name] == pytest.approx(b.state[name], rel=1e-9, abs=1e-12), name
+    assert 0.97 * a.state["torque_motor"] == pytest.approx(b.state["torque_motor"], rel=1e-6)
+    assert a.state["vel_motor"] > 5.0
+
+
+def test_a_weak_motor_starts_in_balance() -> None:
+    m = machine({"plant.motor.torque_constant_ratio": 0.9})
+    held = controlled(m, hold(rad(70.0)), 0.5, gantry_sim(m))
+    # As with the torque constant that the drive knows: steps of the encoder, 7.5e-8 deg at the load.
+    assert np.max(np.abs(held["pos_load_rad"] - held["pos_load_rad"][0])) < rad(1e-5)
+
+
 def test_the_encoder_errs_within_its_period_and_its_turn() -> None:
     d = drive_params(
         machine({"plant.switches.encoder_errors": True, "plant.encoder.eccentricity_phase_rad": 0.3})

@@ -21,6 +21,9 @@ REVERSAL_HARMONICS: Final = 12
 SCALE_HARMONICS: Final = 40
 FAST_WAVES: Final = MAX_FAST_WAVES
 
+# Of all friction, that behind the mesh, give or take half.
+_HALF: Final = 0.5
+
 _Amplitude = Annotated[float, Field(ge=-0.1, le=0.1)]
 Waves = Annotated[tuple[_Amplitude, ...], Field(min_length=1)]
 FastWave = tuple[Annotated[float, Field(ge=1.0, le=1e5)], _Amplitude, _Amplitude]
@@ -160,6 +163,18 @@ class Calibration(Table):
         if known & set(self.unknown) or known | set(self.unknown) != set(NUMBERS):
             raise ValueError("unknown: must have every number that [identified] has not, and no other")
         return self
+
+    @property
+    def friction_behind_mesh_nm(self) -> float:
+        """Friction behind the mesh, N m; where it is no number of its own, half of all."""
+        known = self.identified.friction_load_nm
+        return max(0.0, _HALF * (self.identified.friction_nm or 0.0)) if known is None else known
+
+    @property
+    def backlash_held_rad(self) -> float:
+        """Backlash that numbers and maps hold, rad; where it is no number of its own, at most all lost motion."""
+        known = self.identified.backlash_rad
+        return 2.0 * abs(self.maps.reversal_rad[0]) if known is None else known
 
     def number(self, name: Number) -> float:
         """An identified number.

@@ -16,12 +16,17 @@ _INTERVALS: Final = 2.0
 _RESIDUAL_SHARE: Final = 0.35
 # Of the lowest setting; below it breakaway and pre-sliding are more than friction.
 _SPEED_SHARE: Final = 0.1
-# Where the friction behind the mesh is not known it is some part of all: half of it, give or take half.
-_HALF: Final = 0.5
+# Nearer to 0 than half of all friction the flank is not known.
+_FLANK_KNOWN_SHARE: Final = 0.5
 _NEEDED: Final[tuple[Number, ...]] = (
     "moment_sine_nm", "moment_cosine_nm", "inertia_kg_m2", "friction_nm", "friction_load_ratio",
     "friction_nm_s_per_rad",
 )  # fmt: skip
+
+
+def calibration_identity(calibration: Calibration) -> str:
+    """Hash of a calibration file; 16 hexadecimal digits."""
+    return hashlib.sha256(calibration_toml(calibration).encode()).hexdigest()[:16]
 
 
 def calibration_watch(machine: Machine, calibration: Calibration) -> CalibrationWatchSettings | None:
@@ -46,19 +51,19 @@ def calibration_watch(machine: Machine, calibration: Calibration) -> Calibration
     observer = machine.control.compensation.moment_observer
     windup = found.windup_per_acc_s2 or 0.0
     motor = found.motor_inertia_kg_m2 or machine.motor.inertia_kg_m2
-    rest = max(0.0, _HALF * friction)
+    flank = max(0.0, _FLANK_KNOWN_SHARE * friction)
     return CalibrationWatchSettings(
-        identity=hashlib.sha256(calibration_toml(calibration).encode()).hexdigest()[:16],
+        identity=calibration_identity(calibration),
         moment_sine_nm=sine,
         moment_cosine_nm=cosine,
         inertia_kg_m2=inertia,
         inertia_load_kg_m2=max(0.0, inertia - ratio * ratio * motor),
         windup_per_acc_s2=windup,
         friction_nm=friction,
-        friction_load_nm=rest if found.friction_load_nm is None else found.friction_load_nm,
+        friction_load_nm=calibration.friction_behind_mesh_nm,
         friction_load_ratio=found.friction_load_ratio or 0.0,
         friction_nm_s_per_rad=viscous or 0.0,
-        flank_nm=rest,
+        flank_nm=flank,
         torque_spread_nm=machine.motor.torque_rated_nm * ratio,
         residual_nm=_RESIDUAL_SHARE * friction,
         speed_min_rad_s=_SPEED_SHARE * rad(machine.speed.setting_min_deg_s),

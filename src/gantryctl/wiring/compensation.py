@@ -21,6 +21,8 @@ _SWING_DEG_S: Final = 1.0
 # What a balance of torques leaves out (waves of the gear, a load that swings), in parts of the friction: 4.3 kN m on
 # the reference gantry, where moves from -110 to 110 deg leave 4.2 kN m r.m.s.
 _OBSERVED_SHARE: Final = 0.35
+# The band in which a load that has passed the gap shows: a quarter of its swing to four times that.
+_FASTER: Final = 4.0
 # Grease warms and seals run in.
 _FRICTION_SPREAD: Final = 0.5
 # Of the lowest setting; below it breakaway and pre-sliding are more than friction.
@@ -65,6 +67,7 @@ def compensation(machine: Machine) -> _core.Compensation | None:
         "scale_map": config.load_encoder.own_errors,
         "damping": config.damping.active,
         "moment_observer": config.moment_observer.active,
+        "backlash_observer": config.backlash_observer.active,
     }
     numbers = _numbers(machine)
     # A machine file that needs a calibration loads without it, or it could never be identified; here it is refused.
@@ -146,6 +149,9 @@ def _numbers(machine: Machine) -> dict[str, float]:
         "moment_limit_nm": config.moment_observer.limit_nm,
         "observer_speed_rad_s": rad(_OBSERVED_SPEED * machine.speed.setting_min_deg_s),
         "observer_memory": math.exp(-period_s / config.moment_observer.memory_s),
+        "backlash_memory": math.exp(-period_s / config.backlash_observer.memory_s),
+        # Without a limit no backlash is followed; the step of the bank is never 0.
+        "backlash_step_rad": rad(config.backlash_observer.limit_deg) / (_core.BACKLASH_MODELS - 1) or 1.0,
     }
 
 
@@ -155,6 +161,7 @@ _LIVES_ON: Final[dict[str, tuple[Number, ...]]] = {
     "torque.acceleration": ("inertia_kg_m2",),
     "windup.active": ("moment_sine_nm", "moment_cosine_nm", "stiffness_nm_per_rad", "windup_per_acc_s2"),
     "damping.active": ("swing_hz", "windup_per_acc_s2"),
+    "backlash_observer.active": ("windup_per_acc_s2",),
     "moment_observer.active": (
         "moment_sine_nm",
         "moment_cosine_nm",
@@ -190,16 +197,20 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
     stiffness, swing_hz, ratio = found.stiffness_nm_per_rad, found.swing_hz, machine.axis.ratio
     inertia, motor = found.inertia_kg_m2 or 0.0, found.motor_inertia_kg_m2 or machine.motor.inertia_kg_m2
     friction, period_s = found.friction_nm or 0.0, machine.control.scan_period_ms * _MS
+    swing_rad_s = 2.0 * math.pi * (swing_hz or 0.0)
+    observes = config.backlash_observer.active
     return {
         "moment_sine_nm": found.moment_sine_nm or 0.0,
         "moment_cosine_nm": found.moment_cosine_nm or 0.0,
         "inertia_kg_m2": inertia,
         "inertia_load_kg_m2": max(0.0, inertia - ratio * ratio * motor),
-        "friction_load_nm": found.friction_load_nm or 0.0,
+        "friction_load_nm": calibration.friction_behind_mesh_nm
+        if observes
+        else found.friction_load_nm or 0.0,
         "backlash_rad": found.backlash_rad or 0.0,
         "compliance_rad_per_nm": 1.0 / stiffness if stiffness else 0.0,
         "windup_per_acc_s2": found.windup_per_acc_s2 or 0.0,
-        "swing_rad_s": 2.0 * math.pi * (swing_hz or 0.0),
+        "swing_rad_s": swing_rad_s,
         "friction_nm": friction,
         "friction_load_ratio": found.friction_load_ratio or 0.0,
         "friction_nm_s_per_rad": found.friction_nm_s_per_rad or 0.0,
@@ -210,4 +221,7 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
         "observer_weight": 2.0 * period_s * (swing_hz or 0.0) / (_OBSERVED_SHARE * friction) ** 2
         if friction > 0.0
         else 0.0,
+        "backlash_held_rad": calibration.backlash_held_rad,
+        "backlash_fast": -math.expm1(-period_s * swing_rad_s * _FASTER),
+        "backlash_slow": -math.expm1(-period_s * swing_rad_s / _FASTER),
     }

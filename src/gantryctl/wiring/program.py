@@ -10,6 +10,7 @@ from typing import Final
 
 from gantryctl import _core
 from gantryctl.machine import Machine
+from gantryctl.machine.tables.axis import VirtualAxisTable
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.settings import (
@@ -181,6 +182,8 @@ def _ramps(machine: Machine, quick_dec_deg_s2: float | None) -> RampSettings:
         jog_release_dec_rad_s2=rad(virtual.jog_release_dec_deg_s2),
         jog_release_jerk_rad_s3=rad(virtual.jog_release_jerk_deg_s3),
         quick_dec_rad_s2=rad(quick_dec_deg_s2 or virtual.quick_dec_deg_s2),
+        end_dec_rad_s2=rad(virtual.end_dec_deg_s2) if virtual.gentle_end else math.inf,
+        end_jerk_rad_s3=rad(virtual.end_jerk_deg_s3) if virtual.gentle_end else math.inf,
     )
 
 
@@ -201,6 +204,8 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         test_torque_nm=brake.test_torque_nm,
         brake_torque_nm=brake.torque_nm,
         brake_stops_max=brake.emergency_stops_max,
+        # The simulated drive always obeys the brake command.
+        brake_by_drive=machine.on_bus and brake.owner == "drive",
         untestable=untestable(machine, torque_preload),
         power_up_time_s=monitors.power_up_time_ms * _MS,
     )
@@ -288,6 +293,8 @@ def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLim
         acc_rad_s2=rad(axis.acc_deg_s2),
         dec_rad_s2=rad(axis.dec_deg_s2),
         jerk_rad_s3=rad(axis.jerk_deg_s3) if axis.profile == "jerk_limited" else math.inf,
+        end_dec_rad_s2=rad(axis.end_dec_deg_s2) if axis.gentle_end else math.inf,
+        end_jerk_rad_s3=rad(axis.end_jerk_deg_s3) if axis.gentle_end else math.inf,
     )
 
 
@@ -298,4 +305,11 @@ def ramps_deg(machine: Machine, speed_deg_s: float) -> float:
     if axis.profile == "jerk_limited":
         # A jerk-limited ramp takes acc/jerk longer than a trapezoid, at half of the speed on average.
         way += 0.5 * speed_deg_s * (axis.acc_deg_s2 + axis.dec_deg_s2) / axis.jerk_deg_s3
-    return way
+    return way + (_gentle_end_deg(axis) if axis.gentle_end else 0.0)
+
+
+def _gentle_end_deg(axis: VirtualAxisTable) -> float:
+    """Most by which a gentle end lengthens the ramp, deg: time that it lasts longer, at the speed it begins with."""
+    dec = min(axis.end_dec_deg_s2, axis.dec_deg_s2)
+    longer_s = max(0.0, dec / axis.end_jerk_deg_s3 - dec / axis.jerk_deg_s3)
+    return longer_s * 0.5 * dec * dec / axis.end_jerk_deg_s3

@@ -41,6 +41,9 @@ def plant_params(machine: Machine) -> _core.PlantParams:
     p.inertia_motor_kg_m2 = machine.motor.inertia_kg_m2 + plant.motor.wave_generator_inertia_kg_m2
     p.eccentric_moment_nm = eccentric_moment_nm(machine) if switch.eccentric_moment else 0.0
     p.eccentric_angle_rad = rad(plant.load.eccentric_angle_deg)
+    # What a drive asks for and reports is a current, times the torque constant that it was told (plant equations S5).
+    p.torque_constant_ratio = plant.motor.torque_constant_ratio
+    p.torque_constant = p.torque_constant_ratio != 1.0
     p.ripple = switch.torque_ripple
     p.ripple_torque_nm = plant.motor.torque_ripple_nm
     p.ripple_order = plant.motor.torque_ripple_order

@@ -54,6 +54,10 @@ UNNOTICED = {
     "plant.structure.nozzle_tilt_stiffness_nm_per_rad": [60.0],
     # 0 by default, and 0 in every unit.
     "control.compensation.moment_observer.limit_nm": list(FACTORS),  # whoever switches it on must give it
+    "control.compensation.backlash_observer.limit_deg": list(FACTORS),  # whoever switches it on must give it
+    # True of a stiffer load; they matter only where the gentle end is on.
+    "virtual_axis.end_dec_deg_s2": list(FACTORS),
+    "virtual_axis.end_jerk_deg_s3": list(FACTORS),
     "control.compensation.calibration_watch.moment_nm": list(FACTORS),  # 0: no load comes and goes
     "control.compensation.calibration_watch.backlash_deg": [60.0],  # true of a coarse gear
     "plant.motor.cogging_phase_rad": list(FACTORS),

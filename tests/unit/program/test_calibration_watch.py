@@ -309,3 +309,21 @@ def test_the_warning_comes_back_with_the_next_start(text: str, *, warned: bool) 
     assert again.load_side.watch is not None
     assert again.load_side.watch.found == (found if warned else {})
     assert set(again.alarms.active) == ({Code.CTL_22} if warned else set())
+
+
+def test_a_machine_whose_gears_are_stiff_is_watched_without_their_swing() -> None:
+    watch = new_watch(windup_per_acc_s2=0.0)
+    for vel in (0.0, 0.05):
+        for _ in range(100):
+            watch.scan(0.1, vel, 0.0, 0.0, 0.0)
+    assert not watch.rest()
+    assert watch.seen == {}, "two seconds say nothing"
+
+
+def test_ten_gaps_beyond_the_bound_are_a_finding_and_nine_are_none() -> None:
+    watch = new_watch(backlash_bound_rad=1e-4)
+    for gaps in range(1, 11):
+        watch._gap.add(5e-4)
+        watch.scan(0.1, 0.05, 0.0, 0.0, 0.0)
+        assert watch.rest() is (gaps == 10)
+    assert watch.found["backlash"] == pytest.approx((5e-4, 1e-4))

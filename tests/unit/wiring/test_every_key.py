@@ -223,6 +223,12 @@ ROWS: dict[str, Row] = {
     "virtual_axis.acc_deg_s2": {"program.ramps.acc_rad_s2": DEG},
     "virtual_axis.dec_deg_s2": {"program.ramps.dec_rad_s2": DEG},
     "virtual_axis.jerk_deg_s3": {"jerk limited.ramps.jerk_rad_s3": DEG},
+    "virtual_axis.gentle_end": {
+        "program.ramps.end_dec_rad_s2": lambda m: m.virtual_axis.end_dec_deg_s2 * DEG,
+        "program.ramps.end_jerk_rad_s3": lambda m: m.virtual_axis.end_jerk_deg_s3 * DEG,
+    },
+    "virtual_axis.end_dec_deg_s2": {"gentle end.ramps.end_dec_rad_s2": DEG},
+    "virtual_axis.end_jerk_deg_s3": {"gentle end.ramps.end_jerk_rad_s3": DEG},
     "virtual_axis.jog_release_dec_deg_s2": {"program.ramps.jog_release_dec_rad_s2": DEG},
     "virtual_axis.jog_release_jerk_deg_s3": {"program.ramps.jog_release_jerk_rad_s3": DEG},
     "virtual_axis.quick_dec_deg_s2": {
@@ -236,6 +242,7 @@ ROWS: dict[str, Row] = {
         "sim.scan_period_s": MS,
         "laws.period_s": MS,
         "laws.observer_memory": lambda m: math.exp(-m.control.scan_period_ms * MS / 300.0),
+        "laws.backlash_memory": lambda m: math.exp(-m.control.scan_period_ms * MS / 100.0),
         "laws.damping_filter": lambda m: 1.0 - math.exp(-m.control.scan_period_ms / 5.0),
         "laws.damping_slow": lambda m: (
             1.0 - math.exp(-m.control.scan_period_ms * MS / m.control.compensation.damping.slow_s)
@@ -268,6 +275,12 @@ ROWS: dict[str, Row] = {
     "control.compensation.moment_observer.limit_nm": {"laws.moment_limit_nm": 1.0},
     "control.compensation.moment_observer.memory_s": {
         "laws.observer_memory": lambda m: math.exp(-MS / m.control.compensation.moment_observer.memory_s)
+    },
+    "control.compensation.backlash_observer.active": {"laws.backlash_observer": 1.0},
+    # Eight models of the load, the first without backlash.
+    "control.compensation.backlash_observer.limit_deg": {"laws.backlash_step_rad": DEG / 7.0},
+    "control.compensation.backlash_observer.memory_s": {
+        "laws.backlash_memory": lambda m: math.exp(-MS / m.control.compensation.backlash_observer.memory_s)
     },
     "control.compensation.damping.active": {"laws.damping": 1.0},
     "control.compensation.damping.gain": {"laws.damping_gain": 1.0},
@@ -313,7 +326,11 @@ ROWS: dict[str, Row] = {
         "sim.count_offset": 2048.0 * 2048.0,
     },
     "encoder.wrap_margin_min_deg": {"program.law.wrap_margin_rad": DEG},
-    "brake.owner": {"bus.brake_owner": lambda _: "object_60FE", "program.power.untestable": lambda _: None},
+    "brake.owner": {
+        "bus.brake_owner": lambda _: "object_60FE",
+        "program.power.brake_by_drive": lambda _: False,
+        "program.power.untestable": lambda _: None,
+    },
     "brake.torque_nm": {
         "program.power.brake_torque_nm": 1.0,
         "program.monitors.speed_change_max_rad_s2": speed_change,
@@ -488,6 +505,7 @@ ROWS: dict[str, Row] = {
     "plant.motor.cogging_torque_nm": {"plant.cogging_torque_nm": 1.0},
     "plant.motor.cogging_order": {"plant.cogging_order": 1.0},
     "plant.motor.cogging_phase_rad": {"plant.cogging_phase_rad": 1.0},
+    "plant.motor.torque_constant_ratio": {"plant.torque_constant_ratio": 1.0, "plant.torque_constant": lambda _: True},
     "plant.gear_error.ring_um": {"plant.error_ring_rad": ring},
     "plant.gear_error.reducer_2x_rad": {"plant.error_reducer_2x_rad": reducer("reducer_2x_rad")},
     "plant.gear_error.reducer_1x_rad": {"plant.error_reducer_1x_rad": reducer("reducer_1x_rad")},
@@ -677,6 +695,7 @@ CHANGED: dict[str, Any] = {
     "plant.encoder.serial": "SIM-0002",
     "control.compensation.latency_us": 70.0,
     "control.compensation.moment_observer.limit_nm": 2e4,
+    "control.compensation.backlash_observer.limit_deg": 0.007,
 }
 
 
@@ -751,12 +770,16 @@ def handed_on(machine: Machine) -> dict[str, Any]:
         found |= flat("plant", plant_params(machine)) | flat("bus", canopen_settings(machine))
         found |= laws(machine, patch, given)
         smooth = axis_settings(with_key(machine, "virtual_axis.profile", "jerk_limited"))
+        gentle = axis_settings(with_key(machine, "virtual_axis.gentle_end", True))
     coarse = drive_params(with_key(machine, "drive.speed_loop.feedback", "counts"))
     simulated = with_key(machine, "drive.kind", "sim")
     drive, sim = sim_drive(simulated), gantry_sim(simulated)
     identity = drive.identity()
     if machine.virtual_axis.profile == MACHINE.virtual_axis.profile:
         found["jerk limited.ramps.jerk_rad_s3"] = smooth.ramps.jerk_rad_s3
+    if not machine.virtual_axis.gentle_end:
+        for name in ("end_dec_rad_s2", "end_jerk_rad_s3"):
+            found[f"gentle end.ramps.{name}"] = getattr(gentle.ramps, name)
     if machine.drive.speed_loop.feedback == MACHINE.drive.speed_loop.feedback:
         found["coarse.position_count_rad"] = coarse.position_count_rad
     return found | {

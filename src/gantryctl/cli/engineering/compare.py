@@ -50,7 +50,15 @@ if TYPE_CHECKING:
     type=PATH,
     help="Run both on plants that change as this file says, with the calibration of before; `hust` is delivered.",
 )
+@click.option(
+    "--on-top", "on_top_of", metavar="ROW", multiple=True,
+    help="With --drift: every row has the changes of this row of the file too; may be given again.",
+)  # fmt: skip
 @click.option("--identify", is_flag=True, help="With --drift: identify the plant of SECOND first.")
+@click.option(
+    "--stale-days", "stale_days", type=Whole(0, 100_000), default=0, metavar="N",
+    help="Instead: N days of use of SECOND, sound or, with --drift, with its rows: is a calibration that is old named?",
+)  # fmt: skip
 @click.option("--threads", type=Whole(1, 1024), help="Default: all processors; no effect on the result.")
 @click.option(
     "--instrument",
@@ -69,7 +77,9 @@ def compare(
     second: Path,
     plants: int,
     drift: Path | None,
+    on_top_of: tuple[str, ...],
     identify: bool,
+    stale_days: int,
     threads: int | None,
     instrument: str,
     certificate: str,
@@ -92,7 +102,12 @@ def compare(
     friction ...), each on the paper's loop, on the second without its load encoder and as it is; median, 95 % and worst
     over them.
 
-    Exit code 1 when the second is not shown to have the required accuracy, with --drift in its worst row.
+    With --stale-days SECOND is used day by day, 60 moves each, with its load encoder and without: does the warning that
+    its calibration no longer fits come where something has changed, and nowhere else? With --out the days are
+    kept in stale_days.jsonl, and a run that was ended goes on there.
+
+    Exit code 1 when the second is not shown to have the required accuracy, with --drift in its worst row; with
+    --stale-days when a sound machine was warned of.
     """
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.engineering.comparison.report import compare_report
@@ -100,17 +115,21 @@ def compare(
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.errors import UsageError
 
-    _check_options(plants, drift, identify=identify)
+    _check_options(plants, drift, on_top_of, identify=identify, stale_days=stale_days)
     folder = None if out is None else directory(out)
     paper, improved = _machine(first), _machine(second)
     if paper.on_bus or improved.on_bus:
-        for option, given in (("--ensemble", plants), ("--drift", drift)):
+        for option, given in (("--ensemble", plants), ("--drift", drift), ("--stale-days", stale_days)):
             if given:
                 raise UsageError(f"{option}: its plants are simulated, a machine on a bus is the one it is")
         stated = certificate_of(instrument, certificate)
         return _on_bus(paper, improved, instrument, stated, seed, folder, made, yes=yes, as_json=as_json)
+    if stale_days:
+        return _in_use(improved, stale_days, drift, on_top_of, folder, as_json=as_json)
     if drift is not None:
-        return _on_drift(paper, improved, drift, identify, seed, threads, folder, made, as_json=as_json)
+        return _on_drift(
+            paper, improved, drift, on_top_of, identify, seed, threads, folder, made, as_json=as_json
+        )
     rows = len(variants(paper, improved)) + plants
     with metered(rows, quiet=as_json) as meter:
         report = compare_report(
@@ -129,7 +148,9 @@ def compare(
     return int(report.verdict.passed is not True)
 
 
-def _check_options(plants: int, drift: Path | None, *, identify: bool) -> None:
+def _check_options(
+    plants: int, drift: Path | None, on_top_of: tuple[str, ...], *, identify: bool, stale_days: int
+) -> None:
     """Refuse options that do not go together: before the runs, not after them."""
     from gantryctl.errors import UsageError
 
@@ -137,6 +158,12 @@ def _check_options(plants: int, drift: Path | None, *, identify: bool) -> None:
         raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
     if plants and drift is not None:
         raise UsageError("--ensemble and --drift: one at a time; random plants that drift are a campaign")
+    if on_top_of and drift is None:
+        raise UsageError("--on-top: is for --drift; its rows are those of the drift file")
+    if stale_days and (plants or identify):
+        raise UsageError(
+            "--stale-days: watches the calibration that there is; leave --ensemble and --identify out"
+        )
     if identify and drift is None:
         raise UsageError("--identify: is for --drift; an ensemble identifies each of its plants in any case")
     # An ensemble may take hours, and each of its plants is identified.
@@ -148,6 +175,7 @@ def _on_drift(
     paper: Machine,
     improved: Machine,
     file: Path,
+    on_top_of: tuple[str, ...],
     identify: bool,
     seed: int,
     threads: int | None,
@@ -161,7 +189,7 @@ def _on_drift(
     from gantryctl.engineering.comparison.drift_text import drift_data, notes, render_drift, tables
     from gantryctl.engineering.report.head import MeasuredBy
 
-    drift = load_drift(file, improved)
+    drift = load_drift(file, improved).on_top(on_top_of)
     with metered(runs_of(paper, improved, drift), quiet=as_json) as meter:
         report = drift_report(
             paper, improved, drift, identify=identify, seed=seed, threads=threads, progress=meter.reach
@@ -180,6 +208,39 @@ def _on_drift(
         head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
         _write(folder / "drift.json", data, render_drift(report, head), quiet=as_json)
     return int(report.verdict.passed is not True)
+
+
+def _in_use(
+    machine: Machine,
+    days: int,
+    file: Path | None,
+    on_top_of: tuple[str, ...],
+    folder: Path | None,
+    *,
+    as_json: bool,
+) -> int:
+    from gantryctl.engineering.comparison.drift_file import load_drift
+    from gantryctl.engineering.comparison.stale_report import (
+        FILE,
+        days_of,
+        stale_data,
+        stale_report,
+        stale_table,
+    )
+
+    drift = None if file is None else load_drift(file, machine).on_top(on_top_of)
+    with metered(days_of(machine, days, drift), quiet=as_json) as meter:
+        report = stale_report(machine, days, drift, folder=folder, progress=meter.reach)
+    data = stale_data(report)
+    if as_json:
+        print_json(data)
+    else:
+        print_table(stale_table(report))
+    if folder is not None:
+        path = write_json(folder / "stale_days.json", data)
+        if not as_json:
+            click.echo(f"wrote {path}, {folder / FILE}")
+    return int(not report.passed)
 
 
 def _on_bus(

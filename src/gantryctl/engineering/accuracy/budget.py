@@ -188,20 +188,40 @@ def stated_budget(
     )
 
 
+_WIDTHS: Final = (15, 12, 11, 6)
+
+
+def budget_rows(found: Budget) -> list[tuple[str, ...]]:
+    """Cells of every source: name, distribution, how it acts, value, deg of A a unit, contribution in deg, degrees of
+    freedom.
+    """
+    return [
+        (
+            row.name,
+            "uniform" if row.distribution == "rectangular" else row.distribution,
+            row.acting,
+            f"{row.value:.3g} {row.unit}" if row.unit != "-" else f"{row.value:.3g}",
+            f"{row.sensitivity:.2e}",
+            f"{row.contribution_deg:.5f}",
+            freedom_text(row.degrees_of_freedom),
+        )
+        for row in found.contributions
+    ]
+
+
 def budget_text(found: Budget) -> str:
     """The budget for a terminal, at most 100 columns."""
     lines = [
         f"uncertainty of A, {found.instrument} (GUM; {found.draws} draws beside it)",
         f"  {'':<46}{'':<8}{'value':>15}{'deg a unit':>12}{'u(A), deg':>11}{'dof':>6}",
     ]
-    for row in found.contributions:
-        value = f"{row.value:.3g} {row.unit}" if row.unit != "-" else f"{row.value:.3g}"
-        law = "uniform" if row.distribution == "rectangular" else row.distribution
+    for row in budget_rows(found):
+        name, law, _, *numbers = row
         lines.append(
-            f"  {row.name:<46}{law:<8}{value:>15}{row.sensitivity:>12.2e}{row.contribution_deg:>11.5f}"
-            f"{_freedom(row.degrees_of_freedom):>6}"
+            f"  {name:<46}{law:<8}"
+            + "".join(f"{cell:>{n}}" for cell, n in zip(numbers, _WIDTHS, strict=True))
         )
-    lines.append(f"  {'combined':<81}{found.combined_deg:>11.5f}{_freedom(found.degrees_of_freedom):>6}")
+    lines.append(f"  {'combined':<81}{found.combined_deg:>11.5f}{freedom_text(found.degrees_of_freedom):>6}")
     lines.append(
         f"  expanded, k = {COVERAGE_K:g}: {found.expanded_deg:.4f} deg; 95 % of the draws: A {found.low_deg:+.4f} .. "
         f"{found.high_deg:+.4f} deg"
@@ -209,7 +229,8 @@ def budget_text(found: Budget) -> str:
     return "\n".join(lines)
 
 
-def _freedom(value: float) -> str:
+def freedom_text(value: float) -> str:
+    """Degrees of freedom for people."""
     # Beyond some hundred they change no coverage factor.
     return f"{value:.0f}" if value < 1000.0 else "inf"
 

@@ -182,7 +182,9 @@ TESTS: Final = {
             "move_motor_error_deg_s": Output("deg/s", "speed error of the motor in a move"),
             "move_base_um": Output("um", "base motion of a move, peak to peak", 1),
             "move_residual_um": Output("um", "base motion after a move", 2),
-            "move_settling_s": Output("s", "time until the load settles to 0.001 deg", 2),
+            "move_settling_s": Output(
+                "s", "time until the load settles to 0.001 deg, by the envelope of its swing", 2
+            ),
             "move_reducer_knm": Output("kN m", "torque at the reducer in a move", 2),
         },
         _move,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from gantryctl.errors import ConfigError
+from gantryctl.errors import ConfigError, UsageError
 from gantryctl.machine import Machine, configs_folder, field_specs, show_value, with_values
 from gantryctl.machine.loading import check_table
 from gantryctl.machine.problems import unknown_path
@@ -77,11 +77,34 @@ class DriftRow:
 
 @dataclass(frozen=True)
 class Drift:
-    """A drift file."""
+    """A drift file.
+
+    Attributes:
+        on_top_of: names of the rows that every other row has too.
+    """
 
     name: str
     description: str
     rows: tuple[DriftRow, ...]
+    on_top_of: tuple[str, ...] = ()
+
+    def on_top(self, names: Sequence[str]) -> Drift:
+        """Every row on top of these: their changes first, then its own; a row that has them already stays.
+
+        Raises:
+            UsageError: a name is no row of the file.
+        """
+        known = {row.name: row for row in self.rows}
+        for name in (name for name in names if name not in known):
+            raise UsageError(
+                f"--on-top {show_value(name)}: is no row of {self.name}: {', '.join(known)}{_near(name, known)}"
+            )
+        below = tuple(dict.fromkeys(change for name in names for change in known[name].changes))
+        rows = tuple(
+            replace(row, changes=(*(each for each in below if each not in row.changes), *row.changes))
+            for row in self.rows
+        )
+        return replace(self, rows=rows, on_top_of=tuple(names))
 
 
 def drifts_folder() -> Path:

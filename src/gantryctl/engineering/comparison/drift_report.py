@@ -20,7 +20,10 @@ from gantryctl.engineering.comparison.key_figures import (
 )
 from gantryctl.engineering.comparison.variants import (
     Variant,
+    backlash_followed,
     check_same_plant,
+    ending_gently,
+    may_follow_backlash,
     may_follow_moment,
     moment_followed,
     without_load_encoder,
@@ -37,6 +40,8 @@ from gantryctl.wiring.compensation import check_calibration
 UNCHANGED: Final = "as identified"
 WITHOUT_ENCODER: Final = "without the load encoder"
 FOLLOWED: Final = "moment followed"
+BOTH_FOLLOWED: Final = "moment and backlash followed"
+GENTLE: Final = "gentle end"
 _HIGH: Final = 0.95
 _OWN: Final = "own"
 
@@ -174,7 +179,7 @@ def drift_report(
 
 
 def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
-    """The ways of control that are compared: the moment observer has a row where a person has set its limit."""
+    """The ways of control that are compared: an observer has a row where a person has set its limit."""
     if paper.name == improved.name:
         raise UsageError(
             f"{paper.name} twice: a drift compares two ways of control, so name two machine files"
@@ -185,6 +190,13 @@ def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
         shown.append(Variant(WITHOUT_ENCODER, moment_followed(bare, followed=False)))
     if may_follow_moment(improved) and (encoder or not improved.control.compensation.moment_observer.active):
         shown.append(Variant(f"{begin}{FOLLOWED}", moment_followed(bare)))
+    if may_follow_backlash(improved) and (
+        encoder or not improved.control.compensation.backlash_observer.active
+    ):
+        followed = backlash_followed(moment_followed(bare))
+        shown.append(Variant(f"{begin}{BOTH_FOLLOWED}", followed))
+        if not improved.virtual_axis.gentle_end:
+            shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {GENTLE}", ending_gently(followed)))
     return (*shown, Variant(improved.name, improved))
 
 

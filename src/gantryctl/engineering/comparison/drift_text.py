@@ -24,15 +24,15 @@ SPREADS: Final[tuple[tuple[str, str, str, int, Callable[[KeyFigures], float]], .
 
 
 def tables(report: DriftReport) -> list[TextTable]:
-    """A by row and control, speed error and residual by row and control, and what holds over the rows."""
+    """A by row and control, speed error, residual and time by row and control, and what holds over the rows."""
     return [
         _by_row(
             report, "A true, procedure A / B, deg", lambda row: f"{row.a_true_a:.4f} / {row.a_true_b:.4f}"
         ),
         _by_row(
             report,
-            "Short move: load speed error, deg/s / residual base motion, um",
-            lambda row: f"{row.load_error_deg_s:.4f} / {row.residual_um:.1f}",
+            "Short move: load speed error, deg/s / residual base motion, um / time, s",
+            lambda row: f"{row.load_error_deg_s:.4f} / {row.residual_um:.1f} / {row.time_short_s:.2f}",
         ),
         _spreads(report),
     ]
@@ -41,7 +41,9 @@ def tables(report: DriftReport) -> list[TextTable]:
 def notes(report: DriftReport) -> list[str]:
     """Conditions of the figures for the reader."""
     rows = "; ".join(f"{name}: {meaning}" for name, meaning in report.rows[1:])
+    below = [f"Every row but the first has {_on_top(report)} too."] if report.drift.on_top_of else []
     return [
+        *below,
         f"{report.second} and its rows know {report.calibration}; nothing is identified after a change.",
         "Before each run every axis moves to both ends of the chord test and back.",
         f"Rows of {report.drift.name}: {rows}.",
@@ -59,6 +61,7 @@ def drift_data(report: DriftReport) -> dict[str, Any]:
         "second": report.second,
         "drift": report.drift.name,
         "description": report.drift.description,
+        "on_top_of": list(report.drift.on_top_of),
         "calibration": report.calibration,
         "short_deg": list(report.short_deg),
         "verdict": verdict_data(report.verdict),
@@ -93,12 +96,17 @@ def render_drift(report: DriftReport, head: Head) -> str:
         verdict,
         required_rows([found], report.required.limit),
         title=f"{report.first} against {report.second} when the machine changes",
-        subtitle=f"One calibration on {len(report.rows)} plants: {report.drift.description or report.drift.name}",
+        subtitle=f"One calibration on {len(report.rows)} plants: {report.drift.description or report.drift.name}"
+        + (f"; all but the first on top of {_on_top(report)}" if report.drift.on_top_of else ""),
         sections=[
             Section("Figures", tables=tables(report)),
             Section("How to read them", notes(report)),
         ],
     )
+
+
+def _on_top(report: DriftReport) -> str:
+    return " and ".join(report.drift.on_top_of)
 
 
 def _by_row(report: DriftReport, title: str, cell: Callable[[KeyFigures], str]) -> TextTable:

@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
+from gantryctl.engineering.accuracy.procedure.on_batch import random_gear_values
 from gantryctl.engineering.batch import expected
 from gantryctl.engineering.comparison.key_figures import (
     KEY_FIGURES,
@@ -22,7 +22,8 @@ from gantryctl.engineering.identification import calibrate_each
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.errors import UsageError
-from gantryctl.machine import Calibration, Machine, effective_values, with_values
+from gantryctl.machine import Calibration, Machine, with_values
+from gantryctl.machine.specs import value_at
 
 SPREAD: Final = 0.2
 QUANTILES: Final = (0.05, 0.5, 0.95)
@@ -65,16 +66,21 @@ class PlantEnsemble:
 
 def random_plant(machine: Machine, seed: int) -> Machine:
     """Another gear of the same grade, and inertia, stiffness, friction, backlash and base within +-20 %."""
+    return with_values(machine, random_plant_values(machine, seed))
+
+
+def random_plant_values(machine: Machine, seed: int) -> dict[str, object]:
+    """Values of `random_plant` by path, for a machine that changes in other things too."""
     # Another stream than that of the phases: the same seed gives the same gear with and without other values.
-    values, rng = effective_values(machine), np.random.default_rng([seed, 1])
+    rng = np.random.default_rng([seed, 1])
     factor = {key: float(rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)) for key in _VARIED}
     factor |= {key: factor[partner] for key, partner in _TOGETHER.items()}
-    changes: dict[str, object] = {}
+    changes: dict[str, object] = random_gear_values(seed)
     for key in _VARIED:
-        value = values[_PLANT + key]
+        value = value_at(machine, _PLANT + key)
         assert isinstance(value, float)
         changes[_PLANT + key] = value * factor[key]
-    return with_values(random_gear(machine, seed), changes)
+    return changes
 
 
 def ensemble(

@@ -24,6 +24,7 @@ from gantryctl.engineering.batch import (
     expected,
     in_lockstep,
     scans,
+    settling_s,
 )
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.machine import Machine
@@ -49,7 +50,8 @@ class MoveFigures(NamedTuple):
     Attributes:
         time_s: of the profile. load_error_deg_s, motor_error_deg_s: largest speed error against the set-point.
         base_um: base motion, peak to peak, gravity taken out. residual_um: the same, 0.2 to 2.2 s after the profile.
-        settling_s: after the profile, until the load stays within 0.001 deg. reducer_knm: at the reducer's output.
+        settling_s: after the profile, until the load stays within 0.001 deg, by the envelope of its swing
+            (`engineering.batch.settling_s`); 6 s where it has not by then. reducer_knm: at the reducer's output.
     """
 
     time_s: float
@@ -273,7 +275,6 @@ def _evaluate(machine: Machine, log: Log, duration_s: float) -> MoveFigures:
     first, last = (end + round(t / period_s) for t in _RESIDUAL_S)
     # Lost motion leaves the load beside the set-point: it settles to its own mean.
     final = float(np.mean(load[-round(1.0 / period_s) :]))
-    outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
     motor = log["vel_motor_rad_s"] / machine.axis.ratio
     return MoveFigures(
         time_s=duration_s,
@@ -281,6 +282,6 @@ def _evaluate(machine: Machine, log: Log, duration_s: float) -> MoveFigures:
         motor_error_deg_s=math.degrees(float(np.max(np.abs(motor - ref)))),
         base_um=float(np.ptp(base)),
         residual_um=float(np.ptp(base[first:last])),
-        settling_s=float(outside[-1] + 1) * period_s if len(outside) else 0.0,
+        settling_s=min(settling_s(load[end:] - final, period_s, rad(SETTLED_DEG)), SETTLE_S),
         reducer_knm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
     )

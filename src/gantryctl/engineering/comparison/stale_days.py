@@ -1,34 +1,27 @@
 """Days of a machine in use, simulated: does the watch of its calibration warn of what has changed, and of nothing else?
 
-    python -m gantryctl.engineering.comparison.stale_days days.jsonl --days 1000
-    python -m gantryctl.engineering.comparison.stale_days rows.jsonl --drift hust
-
 A day has 60 moves to angles and at speeds that are drawn, in six sessions with the power off between them. A sound
 machine has a temperature that goes up and down by 5 K in the day, friction of 90 to 110 %, and noise in the torque
 reading; a row of a drift file has that and its change from the first move on. Ten days in a row share one memory. The
-plant runs in the compiled loop at scans of 4 ms, the watch is that of the program. What stands in the file already is
-not computed again.
+plant runs in the compiled loop at scans of 4 ms, the watch is that of the program.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-import sys
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gantryctl.engineering.batch import ClosedLoop, Leg, Log, log_legs
-from gantryctl.engineering.comparison.drift_file import DriftRow, load_drift
-from gantryctl.engineering.comparison.variants import without_load_encoder
-from gantryctl.machine import Machine, configs_folder, load_machine, with_values
+from gantryctl.engineering.comparison.drift_file import DriftRow
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine, with_values
 from gantryctl.motion import SetPoint, plan_move
-from gantryctl.program.monitors.calibration_watch import CalibrationWatch
-from gantryctl.units import deg, rad
+from gantryctl.program.monitors.calibration_watch import CalibrationWatch, Finding
+from gantryctl.units import rad
 from gantryctl.wiring.calibration_watch import calibration_watch
 from gantryctl.wiring.compensation import check_calibration, compensation
 from gantryctl.wiring.program import motion_limits, position_law
@@ -36,7 +29,7 @@ from gantryctl.wiring.simulator import gantry_sim
 
 MOVES: Final = 60
 _SESSIONS: Final = 6
-_CHAIN: Final = 10
+CHAIN_DAYS: Final = 10
 _SCAN_MS: Final = 4.0
 _REST_S: Final = 2.0
 _SWING_K: Final = 5.0
@@ -68,20 +61,27 @@ class Day(NamedTuple):
     """What the watch has said by the end of a day.
 
     Attributes:
-        found: by name, the move of the chain after which it was found. seen: by name, as measured, SI.
+        found: by name, the move of the chain after which it was found. seen: by name, what the last move left.
     """
 
     found: dict[str, int]
-    seen: dict[str, float]
+    seen: dict[str, Finding]
 
 
 def chain_of_days(
-    machine: Machine, row: DriftRow | None, chain: int, days: int = _CHAIN, moves: int = MOVES
+    machine: Machine, row: DriftRow | None, chain: int, days: int = CHAIN_DAYS, moves: int = MOVES
 ) -> list[Day]:
-    """Days in a row with one memory, as simulated by the number of their chain."""
+    """Days in a row with one memory, as simulated by the number of their chain.
+
+    Raises:
+        UsageError: the machine watches nothing. ConfigError: its calibration is missing or of another machine.
+    """
+    machine = with_values(machine, {"control.scan_period_ms": _SCAN_MS})
     law, settings = position_law(machine), calibration_watch(machine, check_calibration(machine))
     if settings is None:
-        raise ValueError(f"{machine.name}: nothing of its calibration is watched")
+        raise UsageError(
+            f"{machine.name}: nothing of its calibration is watched; see [control.compensation.calibration_watch]"
+        )
     ring = machine.control.compensation.load_encoder.active
     rng = np.random.default_rng((chain, 0 if row is None else 1))
     memory: dict[str, object] = {}
@@ -103,7 +103,7 @@ def chain_of_days(
                 for name in watch.found:
                     found.setdefault(name, made)
             memory = watch.memory
-        told.append(Day(dict(found), {name: finding.measured for name, finding in watch.seen.items()}))
+        told.append(Day(dict(found), dict(watch.seen)))
     return told
 
 
@@ -117,10 +117,10 @@ def _sessions(
     for number in range(_SESSIONS):
         warm = math.sin(phase + math.tau * number / _SESSIONS)
         values: dict[str, object] = {"plant.switches.thermal": True}
-        values |= {f"plant.thermal.gears_{end}_k": _SWING_K * warm for end in ("start", "end")}
-        values |= {
-            f"plant.thermal.motor_{end}_k": _WARM_MOTOR_K * (1.0 + warm) / 2.0 for end in ("start", "end")
-        }
+        # A row that is warm or cold is so all day.
+        for part, swing_k in (("gears", _SWING_K * warm), ("motor", _WARM_MOTOR_K * (1.0 + warm) / 2.0)):
+            for key in (f"plant.thermal.{part}_{end}_k" for end in ("start", "end")):
+                values[key] = swing_k + changed.plant.switches.thermal * _value(changed, key)
         values |= {key: friction * _value(changed, key) for key in _FRICTION_KEYS}
         start, legs = at, []
         for _ in range(moves // _SESSIONS):
@@ -160,54 +160,3 @@ def _judged(watch: CalibrationWatch, session: Session, log: Log, *, ring: bool) 
             moving = False
             watch.rest()
             yield
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Simulate days, a line of JSON per chain, and tell what was found."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("file", type=Path, help="lines of JSON; those that are there are not computed again")
-    parser.add_argument("--machine", type=Path, default=configs_folder() / "hust_improved.toml")
-    parser.add_argument("--days", type=int, default=1000, help="days of a sound machine, in chains of ten")
-    parser.add_argument("--drift", help="the rows of a drift file instead, a day each")
-    parser.add_argument("--encoder", action="store_true", help="with the encoder on the ring")
-    parser.add_argument("--part", default="1/1", help="every N-th chain, beginning with the K-th: K/N")
-    given = parser.parse_args(arguments)
-    machine = load_machine(given.machine)
-    if not given.encoder:
-        machine = without_load_encoder(machine)
-    machine = with_values(machine, {"control.scan_period_ms": _SCAN_MS})
-    part, parts = (int(number) for number in given.part.split("/"))
-    jobs: list[tuple[str, DriftRow | None, int]] = (
-        [(row.name, row, 0) for row in load_drift(given.drift, machine).rows]
-        if given.drift
-        else [(f"sound {chain}", None, chain) for chain in range(max(1, given.days // _CHAIN))]
-    )
-    done = set()
-    if given.file.exists():
-        done = {json.loads(line)["name"] for line in given.file.read_text().splitlines()}
-    for name, row, chain in jobs[part - 1 :: parts]:
-        if name in done:
-            continue
-        days = chain_of_days(machine, row, chain, 1 if row else min(_CHAIN, given.days))
-        with given.file.open("a") as file:
-            file.write(json.dumps({"name": name, "days": [day._asdict() for day in days]}) + "\n")
-    return 0
-
-
-def _told(days: Sequence[Day]) -> Iterator[str]:
-    """What was found and the largest of what was seen, in N m and deg."""
-    found = days[-1].found
-    yield "found " + (", ".join(f"{name} after {move} moves" for name, move in found.items()) or "nothing")
-    for name in days[-1].seen:
-        largest = max((day.seen[name] for day in days if name in day.seen), key=abs)
-        yield (
-            f"{name} {largest:.0f} N m"
-            if name in ("moment", "friction")
-            else f"{name} {deg(largest):.5f} deg"
-        )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

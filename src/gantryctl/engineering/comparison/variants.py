@@ -62,8 +62,26 @@ def without_load_encoder(machine: Machine) -> Machine:
 
 
 def moment_followed(machine: Machine, *, followed: bool = True) -> Machine:
-    """The machine with its eccentric moment followed by the torque of the motor, or as calibrated."""
-    return with_values(machine, {_AT + "moment_observer.active": followed})
+    """The machine with its eccentric moment, and no backlash, followed by the torque of the motor, or as calibrated."""
+    return with_values(
+        machine, {_AT + "moment_observer.active": followed, _AT + "backlash_observer.active": False}
+    )
+
+
+def backlash_followed(machine: Machine, *, followed: bool = True) -> Machine:
+    """The machine with its backlash followed by the torque of the motor, or as calibrated."""
+    return with_values(machine, {_AT + "backlash_observer.active": followed})
+
+
+def ending_gently(machine: Machine) -> Machine:
+    """The machine with a gentle end of its moves."""
+    return with_values(machine, {"virtual_axis.gentle_end": True})
+
+
+def may_follow_backlash(machine: Machine) -> bool:
+    """A person has set how large the backlash may be, and what says where its flank lies may be followed."""
+    laws = machine.control.compensation
+    return laws.backlash_observer.limit_deg > 0.0 and may_follow_moment(machine) and laws.windup.reversal
 
 
 def may_follow_moment(machine: Machine) -> bool:

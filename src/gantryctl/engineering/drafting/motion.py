@@ -95,6 +95,11 @@ def _set_point(basis: Basis) -> Values:
         "virtual_axis.acc_deg_s2": basis.of_sheet("motion.acc_deg_s2"),
         "virtual_axis.dec_deg_s2": basis.of_sheet("motion.acc_deg_s2"),
         "virtual_axis.jerk_deg_s3": computed(significant(basis.jerk_deg_s3), "acceleration x first mode"),
+        "virtual_axis.gentle_end": Drafted(False, Origin.CHOICE, "for an axis whose backlash is followed"),
+        "virtual_axis.end_dec_deg_s2": computed(significant(0.3 * acc), "0.3 x acceleration"),
+        "virtual_axis.end_jerk_deg_s3": computed(
+            significant(0.1 * basis.jerk_deg_s3), "gentle end over in three periods of the first mode"
+        ),
         "virtual_axis.jog_release_dec_deg_s2": computed(
             significant(release), "sqrt(acceleration x quick stop)"
         ),

@@ -21,6 +21,7 @@ TORQUE_LIMIT_SHARE: Final = 1.0
 _OFF: Final = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
     "load_encoder.active", "load_encoder.own_errors", "damping.active", "moment_observer.active",
+    "backlash_observer.active",
 )  # fmt: skip
 
 

@@ -177,9 +177,7 @@ def _hardest(some: Sequence[UncertainPlant], stops: Sequence[StopResult], figure
 def _stops(some: Sequence[UncertainPlant], speed_deg_s: float, dec_deg_s2: float | None) -> list[StopResult]:
     """Each figure the worst of all stops of a plant, per plant."""
     cases = [
-        StopCase(
-            plant.machine, StopClass.QUICK, part * speed_deg_s, dec_deg_s2, plant.factors.torque_constant
-        )
+        StopCase(plant.machine, StopClass.QUICK, part * speed_deg_s, dec_deg_s2)
         for plant in some
         for part in SPEED_PARTS
     ]

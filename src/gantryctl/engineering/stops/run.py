@@ -121,17 +121,12 @@ def log_stop(
 
 
 class StopCase(NamedTuple):
-    """A stop of a machine; see `run_stop`. The sign of the speed is the direction.
-
-    Attributes:
-        torque_constant_ratio: torque that the motor gives for the torque that the drive asks of it.
-    """
+    """A stop of a machine; see `run_stop`. The sign of the speed is the direction."""
 
     machine: Machine
     stop_class: StopClass
     speed_deg_s: float
     quick_dec_deg_s2: float | None = None
-    torque_constant_ratio: float = 1.0
 
 
 def _run(case: StopCase, at_deg: float, run: Runner) -> StopResult:
@@ -139,7 +134,7 @@ def _run(case: StopCase, at_deg: float, run: Runner) -> StopResult:
 
 
 def _log(case: StopCase, at_deg: float, run: Runner, columns: Sequence[str]) -> Log:
-    machine, stop_class, speed_deg_s, quick_dec_deg_s2, _ = case
+    machine, stop_class, speed_deg_s, quick_dec_deg_s2 = case
     loop = _cruising(case, at_deg, run)
     if stop_class is StopClass.QUICK:
         ramp_s = abs(speed_deg_s) / (quick_dec_deg_s2 or machine.virtual_axis.quick_dec_deg_s2)
@@ -190,11 +185,8 @@ def within_ratings(machine: Machine, stop: StopResult) -> bool:
 
 def _cruising(case: StopCase, at_deg: float, run: Runner) -> ClosedLoop:
     """The axis in steady motion, just arriving at the angle."""
-    machine, _, speed_deg_s, quick_dec_deg_s2, torque_constant_ratio = case
+    machine, _, speed_deg_s, quick_dec_deg_s2 = case
     plant, drive = plant_params(machine), drive_params(machine)
-    # A drive limits the torque that it asks for, and so does its gain.
-    for name in ("kvp_nm_s_per_rad", "torque_max_nm", "torque_rated_nm"):
-        setattr(drive, name, torque_constant_ratio * getattr(drive, name))
     if machine.plant.switches.eccentric_moment:
         plant.eccentric_moment_nm = _check_moment_nm(machine)
     # The wind is in the moment of the check.
@@ -238,7 +230,7 @@ def _ramp(machine: Machine, stop_class: StopClass, start: SetPoint) -> _core.Seg
 
 
 def _evaluate(case: StopCase, log: Log) -> StopResult:
-    machine, stop_class, speed_deg_s, *_ = case
+    machine, stop_class, speed_deg_s, _ = case
     if not all(np.isfinite(log[name]).all() for name in _USED):
         raise ConfigError(
             [
@@ -260,14 +252,15 @@ def _evaluate(case: StopCase, log: Log) -> StopResult:
         lining = (
             plant_params(machine).brake_torque_nm * float(np.sum(vel_motor[slipping])) * log.period_s * 1e-3
         )
-    taken = -float(np.sum(log["torque_act_nm"] * log["vel_motor_rad_s"])) * log.period_s * 1e-3
+    shaft_nm = log["torque_act_nm"] * machine.plant.motor.torque_constant_ratio
+    taken = -float(np.sum(shaft_nm * log["vel_motor_rad_s"])) * log.period_s * 1e-3
     return StopResult(
         stop_class,
         speed_deg_s,
         angle_deg=deg(abs(float(motor[rest] - motor[0]))) / ratio,
         time_s=rest * log.period_s,
         load_angle_deg=deg(float(np.max(np.abs(load - load[0])))),
-        torque_motor_nm=float(np.max(np.abs(log["torque_act_nm"]))) / case.torque_constant_ratio,
+        torque_motor_nm=float(np.max(np.abs(log["torque_act_nm"]))),
         torque_reducer_nm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio,
         base_um=float(np.ptp(shake)),
         brake_energy_kj=lining,

@@ -30,8 +30,9 @@ _STIFFNESS: Final = (
     *(f"plant.transmission.reducer_stiffness_{n}_nm_per_rad" for n in (1, 2, 3)),
     "plant.transmission.rest_stiffness_nm_per_rad",
 )
+_TORQUE_CONSTANT: Final = "plant.motor.torque_constant_ratio"
 _PHASES: Final = "plant.gear_error.phases_rad"
-_KEYS: Final = (INERTIA, *_FRICTION, *_STIFFNESS, _PHASES)
+_KEYS: Final = (INERTIA, *_FRICTION, *_STIFFNESS, _TORQUE_CONSTANT, _PHASES)
 
 
 class Factors(NamedTuple):
@@ -105,6 +106,7 @@ def plants(machine: Machine, factors: Iterable[Factors]) -> Iterator[UncertainPl
             ((INERTIA,), each.inertia),
             (_FRICTION, each.friction),
             (_STIFFNESS, each.stiffness),
+            ((_TORQUE_CONSTANT,), each.torque_constant),
         ):
             values |= {key: _times(own[key], factor) for key in keys}
         if each.gear:

@@ -271,3 +271,23 @@ def jerk_reaches_acceleration(m: Machine) -> Broken:
         return None
     need = max(v.acc_deg_s2, v.dec_deg_s2) / 10.0
     return at_least(v.jerk_deg_s3, need, "to reach the acceleration within 10 s")
+
+
+@rule("virtual_axis.gentle_end", "virtual_axis.profile")
+def gentle_end_without_steps(m: Machine) -> Broken:
+    """A gentle end needs a jerk-limited profile."""
+    wrong = m.virtual_axis.gentle_end and m.virtual_axis.profile == "trapezoid"
+    return (
+        'must go with [virtual_axis] profile = "jerk_limited": a trapezoid ends with a step'
+        if wrong
+        else None
+    )
+
+
+@rule("virtual_axis.end_jerk_deg_s3", "virtual_axis.end_dec_deg_s2", "virtual_axis.gentle_end")
+def gentle_end_is_over_in_time(m: Machine) -> Broken:
+    """A gentle end is over within 10 s."""
+    v = m.virtual_axis
+    if not v.gentle_end:
+        return None
+    return at_least(v.end_jerk_deg_s3, v.end_dec_deg_s2 / 10.0, "the end of a move within 10 s")

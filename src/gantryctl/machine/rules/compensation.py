@@ -52,6 +52,34 @@ def observer_has_a_limit(m: Machine) -> Broken:
     )
 
 
+@rule(f"{_AT}.backlash_observer.limit_deg", f"{_AT}.backlash_observer.active")
+def backlash_has_a_limit(m: Machine) -> Broken:
+    """Backlash that is followed is followed within a limit."""
+    c = m.control.compensation.backlash_observer
+    wrong = c.active and not c.limit_deg > 0.0
+    return "must be above 0: the largest backlash that the gears may have" if wrong else None
+
+
+@rule(
+    f"{_AT}.backlash_observer.active",
+    f"{_AT}.moment_observer.active",
+    f"{_AT}.windup.active",
+    f"{_AT}.windup.reversal",
+)
+def backlash_goes_with_its_flank(m: Machine) -> Broken:
+    """Backlash is followed where moment and friction are, which say on which flank the load lies."""
+    c = m.control.compensation
+    wrong = c.backlash_observer.active and not (
+        c.moment_observer.active and c.windup.active and c.windup.reversal
+    )
+    return (
+        "must go with the moment observer, wind-up and lost motion, which say on which flank the load lies: "
+        "switch them on too"
+        if wrong
+        else None
+    )
+
+
 @rule(f"{_AT}.load_encoder.active", "plant.load_encoder.fitted", "drive.kind")
 def load_encoder_is_there(m: Machine) -> Broken:
     """A load-side loop on the simulated drive needs a simulated load-side encoder."""

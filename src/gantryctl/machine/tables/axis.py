@@ -7,7 +7,17 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from gantryctl.machine.tables.fields import Table, beside, choice, number, pairs, required_number, text, texts
+from gantryctl.machine.tables.fields import (
+    Table,
+    beside,
+    choice,
+    number,
+    pairs,
+    required_number,
+    switch,
+    text,
+    texts,
+)
 from gantryctl.units import SIGNED, Dial, within_turn
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
@@ -217,6 +227,11 @@ class VirtualAxisTable(Table):
     jerk_deg_s3: float = number(
         0.788, 1e-5, 1e7, 'Jerk of a move; only with profile = "jerk_limited".', "estimate"
     )
+    # An axis whose gears have a gap stops on one of their flanks, and not somewhere between: the load is slowed down by
+    # its own friction, 0.16 deg/s2 on the reference gantry, once the deceleration falls below that.
+    gentle_end: bool = switch(False, "End moves to an angle gently, against backlash; jerk-limited only.")
+    end_dec_deg_s2: float = number(0.2, 1e-5, 1e5, "Deceleration from which a gentle end begins.", "estimate")
+    end_jerk_deg_s3: float = number(0.15, 1e-6, 1e7, "Jerk of a gentle end.", "estimate")
     # With the deceleration of a move an axis at 6 deg/s would need 46 deg to stop after the key is let go.
     jog_release_dec_deg_s2: float = number(2.0, 1e-5, 1e5, "Deceleration when a jog key is let go.")
     jog_release_jerk_deg_s3: float = number(20.0, 1e-4, 1e7, "Jerk of the jog-release ramp.")

@@ -17,7 +17,7 @@ MAX_FAST_WAVES = 12
 # Compensations that live on identified values.
 NEED_CALIBRATION: Final = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
-    "load_encoder.own_errors", "damping.active", "moment_observer.active",
+    "load_encoder.own_errors", "damping.active", "moment_observer.active", "backlash_observer.active",
 )  # fmt: skip
 
 
@@ -94,6 +94,18 @@ class MomentObserverTable(Table):
     memory_s: float = number(300.0, 10.0, 1e4, "Time in motion over which what was seen fades.")
 
 
+class BacklashObserverTable(Table):
+    """[control.compensation.backlash_observer]: the backlash followed by the torque of the motor."""
+
+    active: bool = switch(False, "Follow it; needs the moment observer, wind-up and lost motion.")
+    # 0.35 mm on the ring of the reference gantry: models 0.05 mm apart.
+    limit_deg: float = number(
+        0.0, 0.0, 0.5, "Largest backlash that is followed, at the axis; above 0 to follow."
+    )
+    # Some thirty moves.
+    memory_s: float = number(100.0, 10.0, 5e3, "Time in ramps over which what was seen fades.")
+
+
 class CalibrationWatchTable(Table):
     """[control.compensation.calibration_watch]: a warning when the calibration no longer fits the machine."""
 
@@ -133,6 +145,7 @@ class CompensationTable(Table):
     load_encoder: LoadEncoderLoopTable = table("Load-side loop.", LoadEncoderLoopTable)
     damping: DampingTable = table("Swing damping.", DampingTable)
     moment_observer: MomentObserverTable = table("Moment observer.", MomentObserverTable)
+    backlash_observer: BacklashObserverTable = table("Backlash observer.", BacklashObserverTable)
     calibration_watch: CalibrationWatchTable = table("Stale calibration.", CalibrationWatchTable)
 
     @property

@@ -73,6 +73,10 @@ class PlantMotorTable(Table):
     # Smallest common multiple of 36 slots and 8 poles.
     cogging_order: int = number(72, 1, 1000, "Cogging periods per motor turn.", "estimate", unit="1/turn")
     cogging_phase_rad: float = number(0.0, -6.3, 6.3, "Phase of the cogging at motor angle 0.")
+    # Torque = Kt iq; a drive turns torque into current by the Kt that it was told. Peak for r.m.s. is sqrt(2) off.
+    torque_constant_ratio: float = number(
+        1.0, 0.5, 2.0, "Torque constant of the motor over the one that the drive was told."
+    )
 
 
 class TransmissionTable(Table):

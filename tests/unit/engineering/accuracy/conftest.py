@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from gantryctl.engineering.accuracy.budget import table_budget
 from gantryctl.engineering.accuracy.noise import chord_result
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEnsemble, SpeedCurves, SpeedRun
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import Direction
+from gantryctl.engineering.instruments.sources import sources_of
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import Requirement
 
@@ -84,6 +86,7 @@ def demo_report(runs: int = 1) -> AccuracyReport:
         required=Requirement(0.1, "demo_gantry", "a sheet"),
         of_reference=True,
         speed=tuple(speed_run(v, way, stick_slip=v < 1.0) for v in (0.6, 3.0, 6.0) for way in Direction),
+        budget=table_budget(result.measured, "laser tracker", sources_of("tracker", RADIUS_M, 1e6 * SIGMA_M)),
         ensemble=GearEnsemble(tuple(float(accuracy_a(gear.errors_deg)) for gear in gears), tuple(range(8))),
     )
 

@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import hashlib
+import html
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -72,6 +73,20 @@ def test_nothing_is_fetched_and_every_id_is_unique(page: str) -> None:
     # namespaces are names, not requests
     addresses = set(re.findall(r"https?://[^\"'\s<]+", page))
     assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+
+
+def test_the_page_has_the_budget_of_the_uncertainty(report: AccuracyReport, page: str) -> None:
+    found = report.budget
+    assert found is not None
+    text = html.unescape(re.sub(r"<[^>]+>", "|", page))
+    for row in found.contributions:
+        line = next(line for line in text.splitlines() if f"|{row.name.replace('+-', '±')}|" in line)
+        assert f"|{row.contribution_deg:.5f}|" in line
+        assert row.acting in line
+    assert f"|{found.combined_deg:.5f}|" in text
+    assert f"A ± {found.expanded_deg:.4f}°" in text
+    assert f"{found.draws} draws" in text
+    assert "Uncertainty of A" not in render_html(dataclasses.replace(report, budget=None), HEAD)
 
 
 def test_the_same_report_gives_the_same_page(report: AccuracyReport, page: str) -> None:

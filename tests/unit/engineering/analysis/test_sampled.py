@@ -152,6 +152,20 @@ def test_the_rigid_loop_is_conditionally_stable_as_it_runs():
     assert figures.phase.margin_deg == pytest.approx(27.5, abs=3.0)
 
 
+def test_a_weak_motor_is_a_loop_of_less_torque_gain():
+    """Te itself is another number then; poles do not depend on what a state is called."""
+    weak = with_values(default_machine(), {"plant.motor.torque_constant_ratio": 0.9})
+    poles = [
+        np.sort_complex(
+            np.linalg.eigvals(SampledLoop(mechanics(m, PlantKind.FULL), loop_settings(m)).cycle(gain)[0])
+        )
+        for m, gain in ((weak, 1.0), (default_machine(), 0.9), (default_machine(), 1.0))
+    ]
+    # Eigenvalues of a matrix with entries from 1e-5 to 1e4: eight digits.
+    assert poles[0] == pytest.approx(poles[1], abs=1e-8)
+    assert np.max(np.abs(poles[0] - poles[2])) > 1e-4
+
+
 def test_delay_and_latency_cost_phase():
     quick = dataclasses.replace(SETTINGS, delay_cycles=0, latency_s=0.0)
     w = np.array([200.0])

@@ -103,6 +103,10 @@ def test_compare_refuses_different_machines() -> None:
         ("--drift", "hust", "--ensemble", "4"),
         ("--drift", "nowhere"),
         ("--identify",),
+        ("--on-top", "teeth"),
+        ("--drift", "hust", "--on-top", "tooth"),
+        ("--stale-days", "3", "--ensemble", "4"),
+        ("--stale-days", "-1"),
     ],
 )
 def test_compare_refuses_sizes_that_make_no_sense(arguments: tuple[str, ...]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -88,6 +89,29 @@ def test_the_delivered_files_go_by_their_names(tmp_path: Path) -> None:
         load_drift(tmp_path / "nowhere.toml", machine)
 
 
+def test_a_row_may_stand_on_top_of_others() -> None:
+    machine = improved_machine()
+    text = (
+        MOMENT + "[row.teeth.set]\nplant.switches.tooth_pitch = true\n"
+        "[row.wear.times]\nplant.gear_error.mesh_um = 1.5\n"
+        '[row.all]\ntogether = ["moment", "teeth"]\n'
+    )
+    plain = parse_drift(text, "d.toml", machine)
+    moment, teeth, wear, both = plain.on_top(["teeth", "wear"]).rows
+    for row, own in ((moment, plain.rows[0]), (both, plain.rows[3])):
+        assert changed(row, machine) == changed(plain.rows[1], machine) | changed(
+            plain.rows[2], machine
+        ) | changed(own, machine)
+    # What a row has already is not done to it twice.
+    assert changed(wear, machine)["plant.gear_error.mesh_um"] == pytest.approx(12.0)
+    assert changed(teeth, machine)["plant.gear_error.mesh_um"] == pytest.approx(12.0)
+    assert plain.on_top([]) == plain
+    with pytest.raises(
+        UsageError, match=r"--on-top \"tooth\": is no row of d: moment, teeth, wear, all; did you mean teeth"
+    ):
+        plain.on_top(["tooth"])
+
+
 def short(machine: Machine) -> Machine:
     """The same with a short chord test."""
     return with_values(
@@ -117,6 +141,8 @@ def test_every_control_has_the_figures_of_its_plant_with_the_calibration_of_the_
         "hust_gantry",
         "without the load encoder",
         "without the load encoder, moment followed",
+        "without the load encoder, moment and backlash followed",
+        "without the load encoder, moment and backlash followed, gentle end",
         "hust_improved",
     )
     assert tuple(report.figures) == names
@@ -151,6 +177,14 @@ def test_tables_data_and_page_say_the_same(report: DriftReport) -> None:
     assert worst in page
     assert "nothing is identified after a change" in " ".join(notes(report))
     assert "hust_improved, " in report.verdict.text
+
+
+def test_what_lies_below_every_row_is_told(report: DriftReport) -> None:
+    below = replace(report, drift=report.drift.on_top(["backlash"]))
+    assert any("Every row but the first has backlash too." in note for note in notes(below))
+    assert drift_data(below)["on_top_of"] == ["backlash"]
+    assert "all but the first on top of backlash" in render_drift(below, HEAD)
+    assert "on top of" not in render_drift(report, HEAD)
 
 
 def test_one_machine_twice_is_no_comparison() -> None:

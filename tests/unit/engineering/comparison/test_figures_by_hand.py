@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.batch.loop import Log
 from gantryctl.engineering.comparison import key_figures
-from gantryctl.machine import default_machine
+from gantryctl.machine import default_machine, with_values
 
 
 def test_the_figures_of_a_move() -> None:
@@ -28,3 +30,40 @@ def test_the_figures_of_a_move() -> None:
     assert found.motor_error_deg_s == pytest.approx(3.0)
     # 4000 kN m at the gantry; the output of the reducer turns faster by the ratio of ring and pinion.
     assert found.reducer_knm == pytest.approx(4e3 / machine.axis.ring_ratio)
+
+
+def chords_of(
+    monkeypatch: pytest.MonkeyPatch, errors_deg: dict[int, float], noise_um: float
+) -> key_figures.ChordTest:
+    """Procedure A of a gantry that stands beside its targets by so much at these stops, and exactly at all others."""
+    machine = with_values(default_machine(), {"accuracy.tracker_noise_um": noise_um})
+    angles = chord_test(machine, "A").targets_rad.copy()
+    for stop, error_deg in errors_deg.items():
+        angles[stop] += math.radians(error_deg)
+    seen = SimpleNamespace(load_rad=angles[None, :])
+    monkeypatch.setattr(key_figures, "run_procedure", lambda *some, **more: seen)
+    (found,) = key_figures.chord_tests([machine], "A", [7])
+    return found
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_largest_angle_error_counts_in_both_directions(
+    monkeypatch: pytest.MonkeyPatch, side: float
+) -> None:
+    found = chords_of(monkeypatch, {2: side * 0.02, 4: -side * 0.005}, 0.0)
+    assert found.largest_angle_deg == pytest.approx(0.02)
+    # A chord from a stop at its target to one that is 0.02 deg beside it.
+    assert found.largest_chord_deg >= 0.019
+
+
+def test_the_largest_chord_is_also_that_which_an_instrument_would_have_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A gantry without any error: what is left is the noise of the tracker, at the radius of its reflector."""
+    machine = default_machine()
+    one_deg = math.degrees(20e-6 / machine.accuracy.chord_radius_m)
+    found = chords_of(monkeypatch, {}, 20.0)
+    assert found.a_true_deg == pytest.approx(0.0, abs=1e-9)
+    assert found.largest_angle_deg == 0.0
+    # The largest of tens of readings of two points each: beyond one standard deviation, not beyond ten.
+    assert one_deg < found.largest_chord_deg < 10.0 * one_deg

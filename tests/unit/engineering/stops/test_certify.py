@@ -39,7 +39,7 @@ def by_hand(factors: Factors, speed: float, dec: float) -> StopByHand:
 
 def simulated(factors: Factors, speed: float, dec: float, **changes: object) -> StopResult:
     machine = machine_of(factors, with_values(MACHINE, changes) if changes else MACHINE)
-    case = StopCase(machine, StopClass.QUICK, speed, dec, factors.torque_constant)
+    case = StopCase(machine, StopClass.QUICK, speed, dec)
     (stop,) = worst_stops([case])
     assert isinstance(stop, StopResult)
     return stop

@@ -53,8 +53,13 @@ class Readings:
 
 def random_gear(machine: Machine, seed: int) -> Machine:
     """The same machine with another gear of the same grade: phases of the error map drawn at random."""
+    return with_values(machine, random_gear_values(seed))
+
+
+def random_gear_values(seed: int) -> dict[str, object]:
+    """Values of `random_gear` by path."""
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, PHASES)
-    return with_values(machine, {"plant.gear_error.phases_rad": [float(p) for p in phases]})
+    return {"plant.gear_error.phases_rad": [float(p) for p in phases]}
 
 
 def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None = None) -> list[Leg]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from gantryctl.engineering.accuracy.budget import budget_rows, freedom_text
 from gantryctl.engineering.accuracy.paper import (
     PAPER_A_DEG,
     PAPER_LOWER_DEG,
@@ -41,6 +42,11 @@ SWITCH_NAMES: Final = {
     "base": "rocking base",
     "torque_ripple": "torque ripple",
     "three_slopes": "three-slope stiffness",
+    "tooth_pitch": "single teeth",
+    "thermal": "temperatures",
+    "ageing": "breakaway after rest",
+    "encoder_errors": "errors of the motor encoder",
+    "cable": "cable chain",
     "rigid": "rigid (no compliance)",
 }
 
@@ -91,6 +97,9 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
         "paper_printed": _paper_printed(report.table)
         if report.beside and report.beside.table is PAPER_TABLE
         else "",
+        "budget": report.budget,
+        "budget_rows": [] if report.budget is None else budget_rows(report.budget),
+        "budget_freedom": "" if report.budget is None else freedom_text(report.budget.degrees_of_freedom),
         "iso": iso,
         "iso_rows": _iso_rows(report),
         "noise": [

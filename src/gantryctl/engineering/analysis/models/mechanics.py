@@ -57,7 +57,7 @@ class Mechanics:
         coordinates: names of q in order; the first is the motor.
         inertia: diagonal of M, kg m2. damping: D. stiffness: K.
         ratio: motor turns per gantry turn.
-        current_bandwidth_rad_s: wc.
+        current_bandwidth_rad_s: wc. torque_constant_ratio: torque on the shaft over Te, that of the drive.
     """
 
     coordinates: tuple[str, ...]
@@ -66,6 +66,7 @@ class Mechanics:
     stiffness: FloatArray
     ratio: float
     current_bandwidth_rad_s: float
+    torque_constant_ratio: float = 1.0
 
     @property
     def size(self) -> int:
@@ -80,7 +81,7 @@ class Mechanics:
         a[:n, n : 2 * n] = np.eye(n)
         a[n : 2 * n, :n] = -self.stiffness / self.inertia[:, None]
         a[n : 2 * n, n : 2 * n] = -self.damping / self.inertia[:, None]
-        a[n, -1] = 1.0 / self.inertia[0]
+        a[n, -1] = self.torque_constant_ratio / self.inertia[0]
         a[-1, -1] = -self.current_bandwidth_rad_s
         return a
 
@@ -197,6 +198,7 @@ def _rigid(p: _core.PlantParams, friction: Friction, angle_rad: float) -> Mechan
         stiffness=np.array([[motor_k + (roller_k + _gravity(p, angle_rad)) / square]]),
         ratio=p.ratio,
         current_bandwidth_rad_s=p.current_bandwidth_rad_s or IDEAL_BANDWIDTH_RAD_S,
+        torque_constant_ratio=p.torque_constant_ratio,
     )
 
 
@@ -226,6 +228,7 @@ def _flexible(p: _core.PlantParams, friction: Friction, angle_rad: float, with_b
         stiffness=stiffness[:n, :n],
         ratio=p.ratio,
         current_bandwidth_rad_s=p.current_bandwidth_rad_s or IDEAL_BANDWIDTH_RAD_S,
+        torque_constant_ratio=p.torque_constant_ratio,
     )
 
 

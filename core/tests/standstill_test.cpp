@@ -1,0 +1,194 @@
+// Where everything is when a simulation begins, and what a simulator shows of itself, by hand.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/plant/gantry_sim.hpp"
+
+namespace gantry {
+namespace {
+
+constexpr double kQuarter = 1.570796326794896619;
+
+// Ratio 10; at a quarter turn an eccentric moment of 100 N m and a wind of 30 N m drive the load, cables of
+// 20 N m too.
+PlantParams<double> simple() {
+  PlantParams<double> p;
+  p.ratio = 10.0;
+  p.inertia_motor_kg_m2 = 1.0;
+  p.inertia_load_kg_m2 = 50.0;
+  p.stiffness_1_nm_per_rad = 1000.0;
+  p.stiffness_2_nm_per_rad = 2000.0;
+  p.stiffness_3_nm_per_rad = 4000.0;
+  p.torque_1_nm = 10.0;
+  p.torque_2_nm = 30.0;
+  p.eccentric_moment_nm = 100.0;
+  p.wind_moment_nm = 30.0;
+  p.cable_moment_nm = 20.0;
+  p.brake_torque_nm = 400.0;
+  p.brake_presliding_rad = 1e-3;
+  p.wind = p.cable = true;
+  return p;
+}
+
+DriveParams<double> drive() {
+  DriveParams<double> p;
+  p.kvp_nm_s_per_rad = 2.0;
+  p.torque_rated_nm = 100.0;
+  p.torque_max_nm = 150.0;
+  p.overload_time_s = 4.0;
+  return p;
+}
+
+GantrySim<double> standing(const PlantParams<double>& p, double pos, bool servo_on) {
+  GantrySim<double> sim(p, drive(), 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  sim.static_start(pos, servo_on);
+  return sim;
+}
+
+// 150 N m at the load are 15 N m of the motor against them.
+TEST(Standstill, drive_or_brake_holds_what_drives_the_load) {
+  PlantParams<double> p = simple();
+  p.rigid = true;
+  const GantrySim<double> on = standing(p, kQuarter, true);
+  EXPECT_NEAR(on.report.torque_mesh, -150.0, 1e-9);
+  EXPECT_NEAR(on.x.torque_motor, -15.0, 1e-9);
+  EXPECT_NEAR(on.s.torque_set, -15.0, 1e-9);
+  EXPECT_NEAR(on.s.integral, -7.5, 1e-9);
+  EXPECT_EQ(on.x.brake_z, 0.0);
+  EXPECT_FALSE(on.brake.closed);
+  EXPECT_NEAR(on.s.pos_last, 10.0 * kQuarter, 1e-12);
+  const GantrySim<double> off = standing(p, kQuarter, false);
+  EXPECT_EQ(off.x.torque_motor, 0.0);
+  EXPECT_NEAR(off.x.brake_z, 15.0 / 4e5, 1e-12);
+  EXPECT_TRUE(off.brake.closed);
+}
+
+// The spring of 0.045 rad at 150 N m - 10 to its first knee, 20 to its second, 120 beyond - and half the gap;
+// the base gives way by 130 N m / 1300 N m/rad.
+TEST(Standstill, gears_are_wound_up_by_what_they_carry) {
+  PlantParams<double> p = simple();
+  p.half_backlash_rad = 0.002;
+  p.backlash = true;
+  const double twist = 0.01 + 0.01 + 0.03 + 0.002;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * (kQuarter - twist), 1e-9);
+  p.eccentric_moment_nm = -100.0;
+  p.wind_moment_nm = -30.0;
+  p.cable_moment_nm = -20.0;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * (kQuarter + twist), 1e-9);
+  p.base = true;
+  p.base_stiffness_nm_per_rad = 1300.0;
+  const GantrySim<double> rocked = standing(p, kQuarter, true);
+  EXPECT_NEAR(rocked.x.pos_base, -0.1, 1e-12);
+  EXPECT_NEAR(rocked.x.pos_motor, 10.0 * (kQuarter + 0.1 + twist), 1e-9);
+}
+
+// An error of the gears that is ahead of the load takes the motor back.
+TEST(Standstill, motor_stands_where_the_errors_of_the_gears_put_it) {
+  PlantParams<double> p = simple();
+  p.eccentric_moment_nm = p.wind_moment_nm = p.cable_moment_nm = 0.0;
+  p.error_ring_rad[0] = 1e-3;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * kQuarter, 1e-12);
+  p.gear_error = true;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * (kQuarter - 1e-3), 1e-12);
+  p.gear_error = false;
+  p.tooth_pitch = true;
+  p.ring_teeth = 4;
+  p.pinion_teeth = 2;
+  p.reducer_ratio = 2.0;
+  p.contact_ratio = 1.5;
+  p.pitch.ring_rad[0] = p.pitch.ring_rad[1] = 2e-3;
+  EXPECT_NEAR(standing(p, 0.6, true).x.pos_motor, 10.0 * (0.6 - 2e-3), 1e-12);
+  p.pitch.pinion_rad[0] = p.pitch.pinion_rad[1] = 1e-3;
+  EXPECT_NEAR(standing(p, 0.6, true).x.pos_motor, 10.0 * (0.6 - 3e-3), 1e-12);
+}
+
+// A quarter wave of cogging drives the motor by 1.5 N m; the drive gives as much less. A warm motor of 0.8 of
+// its torque is asked for a quarter more.
+TEST(Standstill, drive_gives_what_cogging_and_a_warm_motor_leave_to_it) {
+  PlantParams<double> p = simple();
+  p.rigid = p.cogging = true;
+  p.cogging_torque_nm = 1.5;
+  p.cogging_order = 4;
+  p.cogging_phase_rad = kQuarter - 4.0 * 10.0 * kQuarter;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.torque_motor, -16.5, 1e-6);
+  p.cogging = false;
+  p.thermal = true;
+  p.torque_constant_per_k = -0.01;
+  p.motor_temp_start_k = 20.0;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.torque_motor, -15.0 / 0.8, 1e-9);
+}
+
+TEST(Standstill, contacts_are_old_where_they_age) {
+  PlantParams<double> p = simple();
+  EXPECT_EQ(standing(p, 0.0, true).x.roller_age, 0.0);
+  p.ageing = true;
+  EXPECT_EQ(standing(p, 0.0, true).x.roller_age, 1.0);
+  EXPECT_EQ(standing(p, 0.0, true).x.motor_age, 1.0);
+}
+
+// What holds at rest goes on holding: in a second nothing moves by as much as a micrometre at 4 m.
+TEST(Standstill, stays) {
+  for (bool servo_on : {true, false}) {
+    PlantParams<double> p = simple();
+    p.wind_moment_nm = 0.0;
+    p.wind = false;
+    GantrySim<double> sim = standing(p, kQuarter, servo_on);
+    const double load = sim.x.pos_load;
+    const DriveCommand<double> hold{servo_on ? DriveMode::kSpeed : DriveMode::kOff, 0.0, 0.0};
+    for (int k = 0; k < 1000; ++k) sim.scan(hold, servo_on);
+    EXPECT_NEAR(sim.x.pos_load, load, 2.5e-7);
+  }
+}
+
+// Reported in fours of the counts of 1 mrad: 10.6 of them are 12, and 5 are added where the encoder is
+// mounted.
+TEST(Simulator, counts_in_its_own_resolution) {
+  DriveParams<double> d = drive();
+  d.position_count_rad = 4e-3;
+  GantrySim<double> sim(simple(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  sim.count_offset = 5.0;
+  sim.x.pos_motor = 10.6e-3;
+  EXPECT_NEAR(sim.counts(1e-3), 17.0, 1e-9);
+  sim.x.pos_motor = -10.6e-3;
+  EXPECT_NEAR(sim.counts(1e-3), -7.0, 1e-9);
+  GantrySim<double> ideal(simple(), drive(), 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  ideal.x.pos_motor = 10.6e-3;
+  EXPECT_NEAR(ideal.counts(1e-3), 10.6, 1e-9);
+}
+
+// The account of 5 s: half of it is 0.5; a drive of no more than its rated torque has none.
+TEST(Simulator, tells_the_used_part_of_its_overload) {
+  GantrySim<double> sim = standing(simple(), 0.0, true);
+  sim.s.overload = 2.5;
+  EXPECT_NEAR(sim.overload(), 0.5, 1e-12);
+  DriveParams<double> d = drive();
+  d.torque_max_nm = d.torque_rated_nm;
+  GantrySim<double> none(simple(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  EXPECT_EQ(none.overload(), 0.0);
+}
+
+TEST(Simulator, says_of_each_scan_whether_the_torque_was_limited) {
+  GantrySim<double> sim = standing(simple(), 0.0, true);
+  sim.scan({DriveMode::kSpeed, 1e6, 0.0}, true);
+  EXPECT_TRUE(sim.limited());
+  sim.scan({DriveMode::kOff, 0.0, 0.0}, true);
+  EXPECT_FALSE(sim.limited());
+}
+
+// 8 drive cycles in a scan, of which every second is kept: four, the last at the end of the scan.
+TEST(Simulator, takes_samples_between_its_scans) {
+  GantrySim<double> sim = standing(simple(), 0.1, true);
+  sim.sample_every = 2;
+  for (int scan = 0; scan < 2; ++scan) {
+    sim.scan({DriveMode::kSpeed, 1.0, 0.0}, true);
+    ASSERT_EQ(sim.samples.size(), 4u);
+    EXPECT_EQ(sim.samples[3].values[0], sim.x.pos_motor);
+    EXPECT_EQ(sim.samples[3].values[3], sim.x.vel_load);
+    EXPECT_EQ(sim.samples[3].values[5], 0.0);
+    EXPECT_NE(sim.samples[2].values[0], sim.x.pos_motor);
+  }
+}
+
+}  // namespace
+}  // namespace gantry
