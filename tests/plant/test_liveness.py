@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 
 from gantryctl.program import Code, PowerPhase
+from gantryctl.units import rad
 from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
 NOMINAL_NM = 16_000.0
@@ -79,6 +80,53 @@ def test_at_standstill(angle_deg: float, scan_ms: float, moment_nm: float, gain:
         # Perfectly balanced nothing moves, and the sign shows in the first motion.
         assert angle_deg == 0.0
         assert rig.reach_deg < 0.001
+
+
+@AT_EVERY_SCAN_MS
+@MOMENTS
+@pytest.mark.parametrize("late_s", [0.0, 0.06])
+def test_the_sign_turns_while_the_brake_closes(late_s: float, moment_nm: float, scan_ms: float) -> None:
+    """The drive pushes the shaft on with all its torque until the brake has closed: 1.06 deg/s, unless it is seen."""
+    rig = PlantRig(machine_at(scan_ms, moment_nm), 90.0, holding_nm=moment_nm / 1144.0)
+    rig.power_up()
+    rig.say(power=False)
+    rig.until(lambda: rig.phase is PowerPhase.CLOSING, 1.0)
+    rig.run(late_s)
+    rig.sim.encoder_gain = -1.0
+    rig.mark()
+    rig.run(2.0)
+    if rig.first:
+        assert_in_doubt(rig, 0.1 * STANDSTILL_DEG, Code.ENC_12, Code.ENC_14)
+    else:
+        # The brake was first: the told angle is off by twice as little, and the next torque proof shows the sign.
+        assert late_s
+        assert rig.reach_deg < 0.001
+
+
+@AT_EVERY_SCAN_MS
+@pytest.mark.parametrize("angle_deg", [90.0, -90.0])
+def test_the_swing_of_a_sound_load_does_not_turn_the_shaft_against_the_torque(
+    angle_deg: float, scan_ms: float
+) -> None:
+    """After a quick stop from full speed with the check moment, until power is off: a fifth of what is a wrong sign.
+
+    By hand: a swing of the load at w = 15 rad/s with all of the torque limit T = 385 N m gives a PI speed loop
+    (K = 77.7 N m s/rad, Ti = 10 ms) a speed of T w Ti / K = 0.74 rad/s at the motor, 0.037 deg/s at the gantry.
+    """
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM, **{"virtual_axis.acc_deg_s2": 2.0}), angle_deg - 20.0)
+    rig.power_up(0.5)
+    rig.say(move=True, target_rad=rad(angle_deg + 40.0), speed_rad_s=rad(6.0))
+    rig.until(lambda: rig.motor_deg >= angle_deg - 3.0)
+    rig.say(quick_stop=True)
+    rig.until(lambda: rig.phase is PowerPhase.CLOSING, 4.0)
+    fastest = 0.0
+    while rig.phase in (PowerPhase.CLOSING, PowerPhase.UNLOADING):
+        reading = rig.axis.feedback
+        if reading.torque_nm * reading.vel_rad_s < 0.0:
+            fastest = max(fastest, abs(rig.motor_deg_s))
+        rig.step()
+    assert 0.0 < fastest < 0.037
+    assert rig.codes == ["INT-06"]
 
 
 @AT_EVERY_SCAN_MS

@@ -87,6 +87,61 @@ def test_a_stop_ends_with_the_load_held(phase, reaction, share, scan_ms):
 
 
 @AT_EVERY_SCAN_MS
+@pytest.mark.parametrize("speed", [0.09, 0.17, 0.45])
+def test_a_quick_stop_that_is_not_obeyed_shows_at_any_speed(speed: float, scan_ms: float) -> None:
+    """Half a degree per second above its ramp no drive is that was slower than that when the stop began."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM, **{"virtual_axis.acc_deg_s2": 1.0}), 80.0)
+    rig.power_up()
+    rig.say(move=True, target_rad=rad(120.0), speed_rad_s=rad(3.0))
+    rig.until(lambda: rig.motor_deg_s >= speed)
+    rig.faults.quick_stop_off = True
+    rig.mark()
+    rig.say(quick_stop=True)
+    rig.run(3.0)
+    assert rig.codes == ["INT-06", "DRV-07"]
+    assert rig.reach_deg < 0.35
+    # 0.25 s after the ramp, for 50 ms, and a scan; 3 s before.
+    told_s = rig.axis.alarms.active["DRV-07"].time_s - rig.first_alarm.time_s
+    assert told_s < speed / 5.5 + 0.25 + 0.05 + 2.0 * rig.period_s
+    assert rig.phase is PowerPhase.OFF
+
+
+@AT_EVERY_SCAN_MS
+def test_a_contact_that_lies_at_power_up_takes_no_torque_off_before_the_brake(scan_ms: float) -> None:
+    """It says open for a moment; the way down is the one behind the closed brake all the same (INV-6, the oracle)."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), 90.0, holding_nm=44.0)
+    rig.run(0.2)
+    rig.faults.brake_feedback = True
+    rig.say(power=True)
+    rig.run(0.1)
+    rig.faults.brake_feedback = None
+    rig.until(lambda: rig.phase is PowerPhase.ON, 5.0)
+    rig.run(1.0)
+    rig.mark()
+    rig.say(power=False)
+    rig.run(2.0)
+    assert rig.phase is PowerPhase.OFF
+    assert rig.reach_deg < 0.02
+    assert not rig.codes
+
+
+@AT_EVERY_SCAN_MS
+def test_a_contact_that_was_wrong_tells_no_time_of_the_brake(scan_ms: float) -> None:
+    """Closed by itself with a contact that says open, which is right again half a second later."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
+    rig.cruise(1.0)
+    rig.faults.brake, rig.faults.brake_feedback = "closed", True
+    rig.until(lambda: rig.first == "BRK-14", 2.0)
+    rig.run(0.5)
+    rig.faults.brake = rig.faults.brake_feedback = None
+    rig.until(lambda: rig.phase is PowerPhase.OFF, 5.0)
+    rig.run(0.1)
+    told = rig.first_alarm.done.lower()
+    assert "brake seen closed after" in told
+    assert "brake closed after" not in told
+
+
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
 def test_a_sound_machine_keeps_its_brake_times(scan_ms, moment_nm):
     """Up, parked by the brake, woken by a move, down again: no brake time runs out at any scan period."""

@@ -74,6 +74,7 @@ def consistent_changes(draw):
     _agree(changes)
     # The moment observer follows within a limit; the delivered machine has 0, which no factor changes.
     changes["control.compensation.moment_observer.limit_nm"] = draw(1.0, 1e5)
+    changes["control.compensation.backlash_observer.limit_deg"] = draw(0.001, 0.1)
     changes["can.stepped"] &= not changes["can.commissioning_required"]
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output
         changes |= {"drive.speed_loop.cycle_us": 125.0, "control.scan_period_ms": 4.0, "brake.owner": "drive"}
@@ -93,8 +94,12 @@ def _agree(changes):
     for needs_encoder in ("load_encoder.own_errors", "damping.active"):
         changes[at + needs_encoder] &= changes[at + "load_encoder.active"]
     changes["plant.load_encoder.fitted"] |= changes[at + "load_encoder.active"]
+    smooth = changes["virtual_axis.profile"] == "jerk_limited"
     for needs_smoothness in ("torque.acceleration", "windup.active"):
-        changes[at + needs_smoothness] &= changes["virtual_axis.profile"] == "jerk_limited"
+        changes[at + needs_smoothness] &= smooth
+    for needed in ("moment_observer.active", "windup.active", "windup.reversal"):
+        changes[at + "backlash_observer.active"] &= changes[at + needed]
+    changes["virtual_axis.gentle_end"] &= smooth
 
 
 def test_a_thousand_valid_machines_are_accepted_and_come_back():

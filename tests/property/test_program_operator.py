@@ -204,7 +204,7 @@ class Operating(RuleBasedStateMachine):
     def moves_for_a_reason(self, axis):
         motion = axis.motion
         if axis.virtual.vel_ref_rad_s != 0.0:
-            assert motion.current is not None or motion.stop_command is not None or axis._switching_off
+            assert motion.current is not None or motion.stop_command is not None or motion.switching_off
             assert axis.state is not AxisState.ERROR_STOP
             assert axis.state is not AxisState.DISABLED
 

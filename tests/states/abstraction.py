@@ -207,7 +207,7 @@ RULES: Final[dict[type, Rules]] = {
         special={"_last": _levels("_last")},
     ),
     Axis: Rules(
-        same="_error _events _settled _switching_off state system_stop",
+        same="_error _events _settled state system_stop",
         number="pos_act_rad pos_err_rad vel_cmd_rad_s",
         part="alarms brake_test feedback interlocks liveness monitors motion power recovery virtual _site thermal",
         clock="scan time_s refusal_count",
@@ -262,8 +262,8 @@ RULES: Final[dict[type, Rules]] = {
         part="_hold_watch _ramp _rest _slip brake_test holding wear",
         # Of the proof only the twist has a state, and these settings do not judge it.
         clock="_pos_rad _torque_proof",
-        fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
-        "_sag_scans _settings _slip_scans _step_scans",
+        fixed="_alarms _close_late_scans _close_scans _disabled_scans _feedback _open_late_scans _period_s "
+        "_power_up_scans _sag_scans _settings _slip_scans _step_scans",
         special={
             # Decided when ENABLING ends.
             "proof": lambda power, _: power.proof if power.phase in _PROVEN else None,
@@ -283,7 +283,7 @@ RULES: Final[dict[type, Rules]] = {
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.QUICK_STOPPING,
         number="_vel_start",
         count="_over_envelope",
-        fixed="_alarms _envelope _feedback _period_s _quick_dec",
+        fixed="_alarms _envelope _feedback _period_s _quick_dec _rests",
     ),
     HoldWatch: Rules(
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.TORQUE_HOLD,
@@ -384,7 +384,7 @@ RULES: Final[dict[type, Rules]] = {
         "_swing_max _tolerance_scans _torque_max _travel _trip _virtual _warning_ratio _window",
     ),
     MotionCommands: Rules(
-        same="_stop_execute brake_overdue state",
+        same="_stop_execute brake_overdue state switching_off",
         part="buffered current stop_command waiting",
         clock="scan",
         fixed="_alarms _interlocks _monitors _power _settings _virtual speed_max_rad_s",
@@ -407,9 +407,9 @@ RULES: Final[dict[type, Rules]] = {
     ),
     StopRecord: Rules(
         same="finished",
-        clock="_angle_known _brake_scan _rest_pos_rad _slow_scan _switching_on _torque_scan _torque_unseen _turned "
-        "_turning_rad_s _was_open _was_torque alarm",
-        fixed="_period_s",
+        clock="_angle_known _brake_scan _brake_unseen _slow_scan _switching_on _torque_scan "
+        "_torque_unseen _turned _turning_rad_s _was_open _was_torque alarm",
+        fixed="_log _period_s",
     ),
     Power: Rules(same="_enable _on", shown="error status", fixed="axis", unread=_BLOCK),
     Reset: Rules(same="_execute busy", shown="done error", fixed="axis", unread=_BLOCK),

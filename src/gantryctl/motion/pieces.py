@@ -54,19 +54,24 @@ def segments(
     return Segments(t_start, pos_start, vel_start, acc_start, jerk, t, pos_end, vel_end_rad_s)
 
 
-def to_position(start: SetPoint, target_rad: float, limits: MotionLimits, direction: float) -> list[Piece]:
-    """Pieces from `start` to rest at `target_rad`, travelling in `direction` (+1, -1) only."""
+def to_state(start: SetPoint, end: SetPoint, limits: MotionLimits, direction: float) -> list[Piece]:
+    """Pieces from `start` to `end`, travelling in `direction` (+1, -1) only."""
     question = _question(start, limits, direction)
-    question.target_position = [target_rad]
+    question.target_position = [end.pos_rad]
+    question.target_velocity = [end.vel_rad_s]
+    question.target_acceleration = [end.acc_rad_s2]
     question.max_velocity = [limits.vel_rad_s]
-    return _fitted(start, _answer(question, start, limits), target_rad)
+    return _fitted(start, _answer(question, start, limits), end.pos_rad)
 
 
-def to_velocity(start: SetPoint, vel_rad_s: float, limits: MotionLimits, direction: float) -> list[Piece]:
-    """Pieces from `start` to the constant speed `vel_rad_s`, travelling in `direction` (+1, -1) only."""
+def to_velocity(
+    start: SetPoint, vel_rad_s: float, limits: MotionLimits, direction: float, acc_rad_s2: float = 0.0
+) -> list[Piece]:
+    """Pieces from `start` to a speed, and an acceleration there, travelling in `direction` (+1, -1) only."""
     question = _question(start, limits, direction)
     question.control_interface = ruckig.ControlInterface.Velocity
     question.target_velocity = [vel_rad_s]
+    question.target_acceleration = [acc_rad_s2]
     return _answer(question, start, limits)
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl._core import Segments
 from gantryctl.errors import CommandRefused
-from gantryctl.motion.pieces import Piece, after, segments, to_position, to_velocity
+from gantryctl.motion.pieces import Piece, after, segments, to_state, to_velocity
 from gantryctl.motion.types import MotionLimits, SetPoint
 
 # Below these the set-point counts as standing or as arrived: a tenth of a fine encoder count at the gantry
@@ -18,6 +18,10 @@ _ARRIVED_RAD: Final = 1e-10
 # A start that reaches its speed limit to within this share is planned in two steps. Asked for a position,
 # Ruckig may fail on rounding and fall back to profiles that are valid but far from the fastest.
 _SPEED_REACHED: Final = 1e-9
+# A short move has a gentle end of a smaller deceleration, in an eighth, a 64th ... of the way.
+_END_SHARES: Final = (1.0, 0.5, 0.25, 0.125)
+# So that Ruckig, which refuses an end beyond the speed limit, is asked for none.
+_END_SPEED_SHARE: Final = 0.99
 
 
 def hold(pos_rad: float) -> Segments:
@@ -38,6 +42,7 @@ def rest(pos_rad: float, duration_s: float) -> Segments:
 def plan_move(start: SetPoint, target_rad: float, limits: MotionLimits) -> Segments:
     """Plan to rest at `target_rad`, as fast as `limits` allow.
 
+    With `end_jerk_rad_s3` the deceleration ends so gently that a load behind backlash comes to lie against its gears.
     Where the target lies behind the point at which the axis can stop, it stops first and then comes back from
     rest: what slows it down and what speeds it up are different limits.
 
@@ -50,7 +55,7 @@ def plan_move(start: SetPoint, target_rad: float, limits: MotionLimits) -> Segme
     pieces, here, limits = _way_in(start, target_rad, limits)
     way = target_rad - here.pos_rad
     if abs(way) > _ARRIVED_RAD:
-        pieces = pieces + to_position(here, target_rad, limits, math.copysign(1.0, way))
+        pieces = pieces + _arrive(here, target_rad, limits, math.copysign(1.0, way))
     return segments(start, pieces, target_rad, 0.0)
 
 
@@ -132,6 +137,29 @@ def _way_in(
         return slowing, slow, limits
     # Too near for a ramp down in two steps: it only slows down from its present speed.
     return [], start, limits._replace(vel_rad_s=peak)
+
+
+def _arrive(start: SetPoint, target_rad: float, limits: MotionLimits, direction: float) -> list[Piece]:
+    """Pieces to rest at the target; with a gentle end where one is asked for and there is room for it.
+
+    An end of deceleration d and jerk j lasts d/j, begins at the speed d^2/(2j) and takes d^3/(6j^2) of the way.
+    """
+    jerk = limits.end_jerk_rad_s3
+    if not jerk < limits.jerk_rad_s3 < math.inf:
+        return to_state(start, SetPoint(target_rad), limits, direction)
+    # Before the end the speed is higher by what the ramp takes to come to its deceleration.
+    most = math.sqrt(2.0 * limits.vel_rad_s / (1.0 / jerk + 1.0 / limits.jerk_rad_s3))
+    dec = min(limits.end_dec_rad_s2, limits.dec_rad_s2, _END_SPEED_SHARE * most)
+    for share in _END_SHARES:
+        d = share * dec
+        vel, acc = direction * d * d / (2.0 * jerk), -direction * d
+        begin = SetPoint(target_rad - direction * d**3 / (6.0 * jerk * jerk), vel, acc)
+        slowing = to_velocity(start, vel, limits, direction, acc)
+        room = (begin.pos_rad - after(start, slowing).pos_rad) * direction
+        if room > -_ARRIVED_RAD:
+            pieces = to_state(start, begin, limits, direction) if room > _ARRIVED_RAD else slowing
+            return [*pieces, Piece(d / jerk, direction * jerk, acc)]
+    return to_state(start, SetPoint(target_rad), limits, direction)
 
 
 def _peak_speed(start: SetPoint, limits: MotionLimits) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 from fractions import Fraction
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, assert_never
 
 from gantryctl.image import DriveIdentity
 from gantryctl.program import Code
@@ -170,7 +170,7 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
     turns = round(moved / scale.turn_deg)
     # The brake holds the motor's shaft, so a way of whole motor turns (0.3147 deg each at the reference gantry), within
     # what settles, is a fault of the multiturn part; nobody may acknowledge it as a motion (A10).
-    if turns and abs(moved - turns * scale.turn_deg) <= ACCEPTED_DEG:
+    if abs(moved - turns * scale.turn_deg) <= ACCEPTED_DEG:
         return RestVerdict.TURNS
     return RestVerdict.MOVED if abs(moved) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
 
@@ -202,3 +202,5 @@ def why_not_referenced(reading: AbsoluteReading) -> Reason | None:
             return Reason(Code.ENC_08, {"moved_deg": reading.moved_deg}, ClearedBy.RESTART)
         case RestVerdict.NO_ZERO | RestVerdict.NOT_VALID:
             return Reason(Code.ENC_10, {"why": _why_not_valid(reading)}, ClearedBy.RESTART)
+        case _:
+            assert_never(reading.verdict)

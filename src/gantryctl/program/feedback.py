@@ -421,7 +421,7 @@ class Feedback:
         beyond = max(step - max(ways), min(ways) - step)
         if not beyond <= self._jump_base:
             self._drift = 0.0
-            self.doubt(Code.ENC_01, measured=(abs(beyond)) / per_deg, limit=self._jump_base / per_deg)
+            self.doubt(Code.ENC_01, measured=beyond / per_deg, limit=self._jump_base / per_deg)
         elif scans > 1.0:
             # Steps and speeds of several scans cannot be added up one by one.
             self._drift = 0.0

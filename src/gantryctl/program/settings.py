@@ -109,7 +109,11 @@ class SpeedSettings:
 
 @dataclass(frozen=True, slots=True)
 class RampSettings:
-    """Three decelerations: normal, jog-release, quick (the drive's own ramp). A jerk of inf gives trapezoids."""
+    """Three decelerations: normal, jog-release, quick (the drive's own ramp). A jerk of inf gives trapezoids.
+
+    Attributes:
+        end_dec_rad_s2, end_jerk_rad_s3: the gentle end of a move to an angle; inf for none.
+    """
 
     acc_rad_s2: float
     dec_rad_s2: float
@@ -118,6 +122,8 @@ class RampSettings:
     jog_release_dec_rad_s2: float
     jog_release_jerk_rad_s3: float
     quick_dec_rad_s2: float
+    end_dec_rad_s2: float = math.inf
+    end_jerk_rad_s3: float = math.inf
 
     def below(
         self, acc_rad_s2: float | None, dec_rad_s2: float | None, jerk_rad_s3: float | None
@@ -134,7 +140,14 @@ class RampSettings:
 
     def normal(self, vel_rad_s: float) -> MotionLimits:
         """Limits of a motion at `vel_rad_s`."""
-        return MotionLimits(vel_rad_s, self.acc_rad_s2, self.dec_rad_s2, self.jerk_rad_s3)
+        return MotionLimits(
+            vel_rad_s,
+            self.acc_rad_s2,
+            self.dec_rad_s2,
+            self.jerk_rad_s3,
+            self.end_dec_rad_s2,
+            self.end_jerk_rad_s3,
+        )
 
     def jog_release(self, vel_rad_s: float) -> MotionLimits:
         """Limits of the stop after a jog key is released, of Stop, and of stops by an alarm."""
@@ -267,6 +280,7 @@ class PowerSettings:
         test_torque_nm: what the closed brake must bear both ways in a brake test.
         brake_torque_nm: of the closed brake.
         brake_stops_max: stops of a turning axis by the brake, from which on service is due.
+        brake_by_drive: the drive may work the brake by itself; it does where the brake is open once it is enabled.
         untestable: why the brake cannot be tested by the controller, or nothing.
         unload_step_s: torque goes off in three steps of this length, each with a check of the brake.
     """
@@ -293,6 +307,7 @@ class PowerSettings:
     test_torque_nm: float = 70.0
     brake_torque_nm: float = 400.0
     brake_stops_max: int = 1000
+    brake_by_drive: bool = False
     untestable: Words | Said | None = None
     unload_step_s: float = 0.050
     slip_watch_s: float = 2.0

@@ -47,6 +47,40 @@ def test_jerk_limited_takes_the_reference_time(key: str, way_deg: float, limits:
     assert plan.duration == pytest.approx(expected["value"], rel=expected["rtol"])
 
 
+GENTLE = limits_deg(6, 0.67, 0.67, 1.34)._replace(end_dec_rad_s2=rad(0.2), end_jerk_rad_s3=rad(0.15))
+
+
+@pytest.mark.parametrize("way_deg", [90.0, -90.0, 5.0])
+def test_a_gentle_end_is_the_last_piece_of_a_move(way_deg: float) -> None:
+    """By hand: 0.2 deg/s2 released by 0.15 deg/s3 last 4/3 s, from 0.1333 deg/s on, and take 0.0593 deg."""
+    plan = plan_move(SetPoint(0.0), rad(way_deg), GENTLE)
+    way = math.copysign(1.0, way_deg)
+    begin = plan.duration - 4.0 / 3.0
+    pos, vel, acc = plan.sample(begin)
+    assert deg(pos) == pytest.approx(way_deg - way * 0.0592593, abs=1e-6)
+    assert deg(vel) == pytest.approx(way * 0.1333333, abs=1e-6)
+    assert deg(acc) == pytest.approx(-way * 0.2, abs=1e-6)
+    assert plan.sample(plan.duration) == (rad(way_deg), 0.0, 0.0)
+    # The same end at 1.34 deg/s3 takes 0.1493 s, and what it slows down less 0.1184/0.67 s, or more below full speed.
+    plain = plan_move(SetPoint(0.0), rad(way_deg), limits_deg(6, 0.67, 0.67, 1.34))
+    longer = plan.duration - plain.duration
+    assert 4.0 / 3.0 - 0.1493 - 1.5 * 0.1768 < longer < 4.0 / 3.0 - 0.1493
+
+
+@pytest.mark.parametrize(("way_deg", "part"), [(0.05, 0.5), (0.006, 0.25), (0.001, 0.125)])
+def test_a_short_move_has_a_smaller_gentle_end(way_deg: float, part: float) -> None:
+    plan = plan_move(SetPoint(0.0), rad(way_deg), GENTLE)
+    assert plan.pos_end == rad(way_deg)
+    assert deg(plan.acc[-1]) == pytest.approx(-0.2 * part, rel=1e-6)
+    assert deg(plan.jerk[-1]) == pytest.approx(0.15)
+
+
+def test_a_move_too_short_for_a_gentle_end_and_a_stop_have_none() -> None:
+    assert deg(plan_move(SetPoint(0.0), rad(1e-5), GENTLE).jerk[-1]) == pytest.approx(1.34)
+    stop = plan_stop(SetPoint(0.0, rad(6.0)), GENTLE)
+    assert deg(stop.jerk[-1]) == pytest.approx(1.34)
+
+
 def test_ninety_degrees_peak_at_five_point_nine_five() -> None:
     plan = plan_move(SetPoint(0.0), rad(90.0), PAPER)
     _, vel, _ = plan.sample(plan.duration / 2.0)

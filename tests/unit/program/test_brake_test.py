@@ -142,7 +142,8 @@ def test_a_brake_contact_that_opens_fails_it():
 
 
 def test_a_drive_that_opens_its_own_brake_cannot_be_tested():
-    rig = TestRig()
+    own = settings(test_torque_nm=LEVEL_NM, holding_torque_nm=HOLDING_NM, brake_by_drive=True)
+    rig = TestRig(config=own)
     rig.begin()
     rig.spoil = lambda drive: drive._replace(brake_open=drive.state.name == "OPERATION_ENABLED")
     rig.finish()

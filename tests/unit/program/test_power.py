@@ -5,8 +5,9 @@ import pytest
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
 from gantryctl.program import AxisState
 from gantryctl.program.power.phases import Proof
+from gantryctl.units import rad
 from unit.program.power_steps import P, record, slip
-from unit.program.rig import Rig, settings
+from unit.program.rig import RATIO, Rig, settings
 
 
 def test_up_in_order_and_status_last():
@@ -133,9 +134,57 @@ def test_sag_within_the_limit_is_accepted_and_held_where_it_is():
     assert rig.ref_deg == pytest.approx(-0.015, abs=1e-6), "the set-point begins where the axis is"
 
 
+def test_a_contact_that_says_open_is_not_a_drive_that_opens_its_brake():
+    """Where only the controller opens the brake: nothing is released, and people are told why."""
+    rig = Rig(config=settings())
+    rig.run(0.1)
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.op(power=True)
+    rig.until(lambda: bool(rig.codes), 2.0)
+    assert rig.codes == ["BRK-06"]
+    # Closing time and 300 ms of the contact.
+    assert "Brake feedback says open for 451 ms, commanded closed" in rig.first.text
+    rig.run(0.5)
+    assert rig.axis.power.phase is P.OFF
+    assert not rig.output.brake_open
+
+
+def test_a_contact_that_is_late_at_power_up_is_waited_for():
+    """The torque goes off behind the closed brake, as it does after any other power-up."""
+    rig = Rig(config=settings())
+    rig.run(0.1)
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.op(power=True)
+    rig.run(0.3)
+    assert rig.axis.power.phase is P.ENABLING
+    rig.spoil = None
+    rig.until(lambda: rig.axis.power.phase is P.ON, 2.0)
+    assert rig.axis.power.proof is Proof.PROVEN
+    rig.op(power=False)
+    assert P.UNLOADING in [phase for phase, _ in record(rig, 1.0)]
+    assert not rig.codes
+
+
+@pytest.mark.parametrize(
+    ("deg_s", "told"),
+    [(-0.08, "ENC-12"), (0.08, "DRV-14"), (0.0, "DRV-14")],
+    ids=["against", "with", "stands"],
+)
+def test_more_torque_than_asked_for_against_the_turn_of_the_shaft_is_no_wrong_torque_reading(deg_s, told):
+    """-225 N m where 30 N m are asked for: a slipping brake, and a drive that pushes where it means to brake."""
+    rig = Rig()
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.PROVING)
+    vel = -rad(deg_s) * RATIO
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=-225.0, vel_act_rad_s=vel)
+    rig.step()
+    assert rig.codes == [told]
+    assert rig.axis.feedback.position_valid is (told != "ENC-12")
+
+
 def test_drive_that_opens_the_brake_itself():
     """No proof is possible then; the sequence is accepted, the sag watched, and the report says so."""
-    rig = Rig()
+    rig = Rig(config=settings(brake_by_drive=True))
 
     def own_brake(drive):
         return drive._replace(brake_open=drive.state is DriveState.OPERATION_ENABLED)

@@ -8,7 +8,7 @@ from gantryctl.image import DigitalInputs, DriveRequest, DriveState
 from gantryctl.program import AxisState, Code, Reaction
 from gantryctl.program.feedback import ENABLED
 from gantryctl.program.settings import StandstillPolicy
-from gantryctl.units import deg
+from gantryctl.units import deg, rad
 from unit.program.power_steps import P, record, slip
 from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings
 
@@ -160,6 +160,50 @@ def test_quick_stop_not_obeyed_becomes_torque_off():
     assert rig.codes == ["INT-06", "DRV-07"]
     assert rig.output.request is DriveRequest.DISABLE
     assert not rig.output.brake_open
+
+
+@pytest.mark.parametrize("way_deg", [30.0, -30.0])
+def test_no_motion_begins_while_power_goes_off(way_deg):
+    """It was made to its end, and power went off after it (campaign, matrix cell 226894)."""
+    rig = moving_rig()
+    rig.op(power=False, move=False)
+    rig.run(0.3)
+    rig.move(rig.pos_deg + way_deg, 6.0)
+    assert "still being switched off" in rig.refused()
+    rig.until(lambda: rig.axis.is_off, 3.0)
+    rig.op(move=False)
+    rig.power_up()
+
+
+def test_a_move_that_comes_together_with_power_off_is_refused():
+    rig = Rig()
+    rig.power_up()
+    rig.op(power=False, move=True, target_rad=rad(30.0), speed_rad_s=rad(6.0))
+    assert "still being switched off" in rig.refused()
+    rig.run(2.0)
+    assert rig.axis.is_off
+    assert abs(rig.pos_deg) < 1e-3
+
+
+@pytest.mark.parametrize("speed_deg_s", [0.06, 0.24, 0.49])
+def test_a_drive_that_goes_on_slowly_after_a_quick_stop_is_seen_too(speed_deg_s):
+    """Below the permitted deviation of the speed: it went on for 3 s, 1.5 deg from 0.49 deg/s."""
+    rig = moving_rig()
+    speed = rad(speed_deg_s) * rig.axis.settings.law.ratio
+
+    def goes_on(drive):
+        turns = max(rig.drive.vel_rad_s, speed)
+        rig.drive.pos_motor_rad += (turns - rig.drive.vel_rad_s) * rig.period_s
+        return drive._replace(vel_act_rad_s=turns)
+
+    rig.op(quick_stop=True)
+    rig.spoil = goes_on
+    start, ramp_s = rig.scan, 6.0 / 5.5
+    rig.until(lambda: rig.axis.power.phase is P.TORQUE_OFF, 2.0)
+    # 0.25 s after the end of the ramp it must stand; then 50 ms.
+    assert (rig.scan - start) * rig.period_s == pytest.approx(ramp_s + 0.3, abs=0.03)
+    assert rig.codes == ["INT-06", "DRV-07"]
+    assert "ramp allows 0.05 deg/s" in rig.axis.alarms.active["DRV-07"].text
 
 
 def test_load_that_the_brake_does_not_stop():
@@ -341,7 +385,7 @@ def test_stale_position_jump_while_off_is_seen():
 )
 def test_the_gear_unwinds_behind_a_drive_that_owns_its_brake(degrees, after_s, codes):
     """Up to 0.026 deg, over after 0.3 s: no slip. What is more, or later, is one."""
-    rig = Rig()
+    rig = Rig(config=settings(brake_by_drive=True))
     rig.spoil = lambda drive: drive._replace(brake_open=drive.state in ENABLED)
     rig.power_up()
     rig.op(quick_stop=True)

@@ -91,7 +91,7 @@ def test_an_overload_that_is_no_number_stops():
 
 @pytest.mark.parametrize("share_of_torque", [0.5, 1.0, 1.2])
 def test_the_model_follows_the_square_of_the_torque(share_of_torque):
-    rig = Rig()
+    rig = Rig(config=settings(period_s=0.01))
     rig.spoil = showing(torque_act_nm=share_of_torque * RATED_NM)
     rig.run(0.2)
     for _ in range(60):

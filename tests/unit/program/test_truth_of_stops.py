@@ -113,6 +113,19 @@ def test_of_a_standing_axis_it_is_said() -> None:
     assert rig.first.done == "Nothing was switched on"
 
 
+def test_of_a_drive_that_is_not_heard_while_it_is_switched_on_nobody_knows() -> None:
+    """It may give torque since the last command that it heard (campaign seed 2041)."""
+    rig = Rig()
+    rig.run(0.1)
+    rig.op(power=True)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.UNKNOWN)
+    rig.run(0.05)
+    raise_(rig, Reaction.TORQUE_OFF)
+    rig.until(lambda: rig.axis.is_off, 5.0)
+    assert "othing was switched on" not in rig.first.done
+    assert "not confirmed" in rig.first.done
+
+
 def test_without_a_contact_a_shaft_at_rest_needs_no_emergency_stop() -> None:
     rig = moving()
     rig.spoil = lambda drive: drive._replace(brake_contact=False)

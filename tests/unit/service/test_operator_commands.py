@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from gantryctl.image import Mode
 from gantryctl.program import AxisState
 from gantryctl.program.alarms.codes import Code
 from gantryctl.service.command.arming import Armed
+from gantryctl.service.command.inbox import Inbox
+from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.roles import Action, Role
-from gantryctl.units import deg
-from support.service_bench import LEASE, Bench
+from gantryctl.units import deg, rad
+from support.service_bench import LEASE, MACHINE, Bench
 
 OTHER_LEASE = "00000000000000bb"
 
@@ -296,3 +300,81 @@ def test_a_page_that_goes_without_control_takes_none_along() -> None:
     bench.scans(2)
     assert bench.operator.authority.holder == bench.who()
     assert bench.operator.hold.alive
+
+
+def test_an_increment_goes_the_way_of_its_key() -> None:
+    """The other way: `test_an_increment_is_one_edge_and_a_jog_key_never_makes_one`."""
+    bench = Bench()
+    bench.powered(bench.who(), Mode.INCREMENTAL)
+    bench.do(bench.who(), "set", tag="increment_deg", value=0.5)
+    bench.do(bench.who(), "increment", direction="forward")
+    bench.scans(3000)
+    assert deg(bench.axis.virtual.pos_ref_rad) == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(("place", "remote"), [("console", False), ("local", False), ("remote", True)])
+def test_the_axis_knows_whether_its_holder_stands_beside_it(place: str, remote: bool) -> None:
+    """A screen elsewhere moves slowly without an enabling switch; whoever is at the machine does not."""
+    bench = Bench()
+    other = bench.who(Role.PHYSICIST, place="console" if remote else "remote")
+    bench.do(other, "take", over=False)
+    assert bench.operator.levels.remote is not remote
+    bench.do(other, "give")
+    bench.do(bench.who(place=place), "take", over=False)
+    assert bench.operator.levels.remote is remote
+
+
+def test_the_level_of_a_quick_stop_falls_so_that_the_next_one_is_seen() -> None:
+    bench = Bench()
+    moving(bench)
+    bench.send(bench.who(), "quick_stop")
+    levels = []
+    for _ in range(6):
+        bench.scans(1)
+        levels.append(bench.operator.levels.quick_stop)
+    assert (any(levels), levels[-1]) == (True, False)
+
+
+def test_the_level_of_a_stop_stays_until_the_axis_rests() -> None:
+    """PLCopen: as long as the level of a stop is up, no other motion begins."""
+    bench = Bench()
+    moving(bench)
+    bench.do(bench.who(), "stop")
+    while not bench.axis.virtual.at_rest:
+        assert bench.operator.levels.stop
+        bench.scans(1)
+    bench.scans(4)
+    assert not bench.operator.levels.stop
+    assert bench.axis.state is AxisState.STANDSTILL
+
+
+def test_the_highest_speed_setting_is_that_in_force() -> None:
+    """Here the axis is limited to 2.5 deg/s, less than the machine file allows."""
+    bench = Bench()
+    assert bench.operator.ranges["speed_setting_deg_s"].high == MACHINE.speed.setting_max_deg_s > 2.5
+    limited = SimpleNamespace(speed=SimpleNamespace(setting_max_rad_s=rad(2.5)))
+    operator = ServiceOperator(
+        MACHINE,
+        SimpleNamespace(axis=SimpleNamespace(settings=limited)),  # type: ignore[arg-type]
+        Inbox(bench.commands, bench.replies, bench.events),
+        bench.operator.permit,
+        lambda *_: None,
+        bench.operator.levels,
+        epoch=1,
+    )
+    assert operator.ranges["speed_setting_deg_s"].high == 2.5
+
+
+def test_power_off_lets_the_key_go() -> None:
+    """A page that goes on renewing must not move the axis when power comes again."""
+    bench = Bench()
+    jogging(bench)
+    bench.do(bench.who(), "power", on=False)
+    assert not bench.operator.hold.alive
+    bench.hold(3.0)
+    assert bench.axis.state is AxisState.DISABLED
+    bench.do(bench.who(), "power", on=True)
+    bench.until(AxisState.STANDSTILL)
+    here = bench.axis.virtual.pos_ref_rad
+    bench.hold(1.0)
+    assert bench.axis.virtual.pos_ref_rad == here

@@ -9,7 +9,8 @@ from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.image import DriveRequest, DriveState
 
 _ENABLED: Final = DriveState.OPERATION_ENABLED
-# Beyond the closing time of the machine file; after that the torque goes off whether the drive has followed or not.
+# Beyond the closing time of the machine file; after that the torque goes off whether the drive has followed or not, and
+# the program tells people so (DRV-03).
 _RESERVE_S: Final = 0.2
 
 

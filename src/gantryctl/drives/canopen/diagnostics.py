@@ -121,13 +121,13 @@ class TpdoWatch:
         self.contradicted += 1
         return True
 
-    def settle(self) -> bool:
-        """End the wait of this scan: True if its answer is to be used. Note the longest age."""
-        used = self._answer is not None and not self._doubted
-        if used:
-            self.age, self.data = 0, self._answer
+    def settle(self) -> bytes | None:
+        """End the wait of this scan, and note the longest age; its answer, None without one that is to be used."""
+        answer = None if self._doubted else self._answer
+        if answer is not None:
+            self.age, self.data = 0, answer
         self.longest_age = max(self.longest_age, self.age)
-        return used
+        return answer
 
     def forget(self) -> None:
         """Invalidate the newest telegram."""

@@ -268,8 +268,8 @@ class CanopenDrive:
             self.commanded = True
             self.node.forget_boots()
             self._supervision.begin()
-        state = self._last.state
-        forbidden = self.refusals or self._flags & LOST
+        state, lost = self._last.state, bool(self._flags & LOST)
+        forbidden = self.refusals or lost
         request = self._request = DriveRequest.DISABLE if forbidden else output.request
         if self._supervision.forbids and state not in TURNING and request is DriveRequest.ENABLE:
             request = DriveRequest.DISABLE
@@ -283,13 +283,12 @@ class CanopenDrive:
         vel = output.vel_cmd_rad_s if enabled else 0.0
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
-            well = not self._flags & LOST
-            self.beside.send(output, self._brake.released, well)
+            self.beside.send(output, self._brake.released, not lost)
             outputs = self.beside.outputs.drive_word
             # Behind one missing SYNC answer there may be a drive that takes no commands either.
             if self.silent_heartbeat:
                 pass  # a proof: what the drive does is its own doing
-            elif self._flags & LOST or self.process.silence >= _SILENT_SCANS:
+            elif lost or self.process.silence >= _SILENT_SCANS:
                 self._stop_by_sdo.scan(word, outputs, self._passed)
             else:
                 self._stop_by_sdo.forget()
@@ -298,7 +297,7 @@ class CanopenDrive:
             # 0012).
             unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
             self.parameter_watch.scan(self._passed, unknown)
-            if not self._flags & LOST:
+            if not lost:
                 self._supervision.ask(state in TURNING or request is DriveRequest.ENABLE)
         self._due = True
 
@@ -353,9 +352,9 @@ class CanopenDrive:
     def _feedback(self) -> DriveFeedback:
         process = self.process
         flags = self._flags = self._link_flags()
-        status = process.statusword
+        status, lost = process.statusword, bool(flags & LOST)
         # Of a drive that is lost only what it has said by SDO since counts.
-        state = self._stop_by_sdo.state if flags & LOST else self._shown(decode_statusword(status), status)
+        state = self._stop_by_sdo.state if lost else self._shown(decode_statusword(status), status)
         # While the axis turns the alarm of a lost node stops it on its ramp; what its inputs show then is not known.
         inputs = self.beside.read_inputs(process.input_word, keep=state in ENERGISED)
         brake = self.beside.brake_contact()
@@ -376,7 +375,7 @@ class CanopenDrive:
             inputs,
             self.beside.ring_rad(process),
             link=flags,
-            changed="" if flags & LOST else self.parameter_watch.line,
+            changed="" if lost else self.parameter_watch.line,
             speed_age_scans=process.speed_age,
             inputs_age_scans=process.inputs_age,
             brake_contact=brake is not None,

@@ -51,8 +51,7 @@ class Unwrap:
     def __init__(self, range_counts: int, around_zero: bool = False) -> None:
         span = min(range_counts, SPAN_32)
         self.range_counts, self._low = span, -(span // 2) if around_zero else 0
-        self._jumps = _jumps(span, around_zero)
-        self._half = min(map(abs, self._jumps)) // 2
+        self._jumps = (0, *_jumps(span, around_zero))
         self._raw: int | None = None
         self._counts = 0
 
@@ -62,10 +61,7 @@ class Unwrap:
         if last is None:
             self._counts = (raw - self._low) % self.range_counts
         else:
-            step = raw - last
-            if not -self._half <= step <= self._half:
-                step = min((step + jump for jump in (0, *self._jumps)), key=abs)
-            self._counts += step
+            self._counts += min((raw - last + jump for jump in self._jumps), key=abs)
         return self._counts
 
 
@@ -191,7 +187,7 @@ class ProcessImage:
         end = link.now_s() + answer_s
         self.in_time = True
         try:
-            while any(watch.waiting for watch in self._awaited):
+            while self._waits():
                 frame = link.receive(max(0.0, end - link.now_s()))
                 if frame is None:
                     break
@@ -201,11 +197,11 @@ class ProcessImage:
                     break
         finally:
             self.in_time = False
-        if not any(watch.waiting for watch in self._awaited):
+        if not self._waits():
             self.answer_times_s.append(link.now_s() - end + answer_s)
         for number, watch in enumerate(self.watches):
-            if watch.settle() and watch.data is not None:
-                self._unpack(number, watch.data)
+            if (answer := watch.settle()) is not None:
+                self._unpack(number, answer)
         for watch in self._neighbours:
             watch.settle()
         if self._first.behind and not self._first.age:
@@ -218,6 +214,13 @@ class ProcessImage:
         ):
             step = self.counts - self._counts_before
             self._vel_rad_s = step / self._span_s * self._units.rad_per_increment
+
+    def _waits(self) -> bool:
+        """An answer to this SYNC is still to come."""
+        for watch in self._awaited:  # noqa: SIM110 - asked after every frame: a generator costs twice as much
+            if watch.waiting:
+                return True
+        return False
 
     def _age_by_way(self, behind: int) -> int:
         """Age of a position, in scans, that may answer one of some earlier SYNCs.
@@ -335,9 +338,9 @@ class ProcessImage:
         return self._raw.get(m.INPUTS)
 
     @property
-    def ring(self) -> tuple[int, int, int]:
-        """60E4:01, its age in scans, and how many of its telegrams came; where it is mapped."""
-        return self._raw.get(m.RING_POSITION, 0), self._ring.age, self._ring.received
+    def ring(self) -> tuple[int, int]:
+        """60E4:01 and its age in scans, where it is mapped."""
+        return self._raw.get(m.RING_POSITION, 0), self._ring.age
 
 
 def _fields(pdo: Pdo) -> tuple[tuple[Signal, int, int], ...]:

@@ -103,6 +103,13 @@ class DirectBus(can.BusABC):
             if self._node is not None and is_plain(msg):
                 self._node.on_frame(msg.arbitration_id, bytes(msg.data))
 
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame that the filters pass; without the clock and the log that python-can asks for each."""
+        while True:
+            message, _ = self._recv_internal(timeout)
+            if message is None or self._matches_filters(message):
+                return message
+
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         until = None if timeout is None else time.monotonic() + timeout
         with self._arrived:

@@ -177,10 +177,8 @@ class AlarmLog:
             alarm.pos_rad = pos_rad
 
     def complete(self, code: Code, /, **values: object) -> None:
-        """Complete an active alarm with values that were not known when it was raised."""
-        alarm = self.active.get(code)
-        if alarm is not None:
-            alarm.values = values
+        """Complete an alarm, active in this scan, with values that were not known when it was raised."""
+        self.active[code].values = values
 
     def note(self, code: Code, /, **values: object) -> Refusal:
         """Put a note into the history; nothing is latched."""

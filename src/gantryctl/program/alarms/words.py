@@ -172,6 +172,8 @@ class Words(Enum):
     AT_REST_AFTER = "at rest after {time_ms:.0f} ms", "{time_ms} ms 后静止"
     TORQUE_OFF_AFTER = "torque off after {time_ms:.0f} ms", "{time_ms} ms 后转矩切断"
     BRAKE_CLOSED_AFTER = "brake closed after {time_ms:.0f} ms", "{time_ms} ms 后制动器抱紧"
+    # By a contact that had been wrong about it: since when, nobody knows.
+    BRAKE_CLOSED_SEEN = "brake seen closed after {time_ms:.0f} ms", "{time_ms} ms 后确认制动器抱紧"
     TORQUE_OFF_SEEN = "torque seen off after {time_ms:.0f} ms", "{time_ms} ms 后确认转矩已切断"
     TORQUE_UNCONFIRMED = (
         "torque off commanded, not confirmed: press the emergency stop",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, assert_never
 
 from gantryctl._core import PositionLaw, new_image
 from gantryctl.image import DriveFeedback, InputImage, OutputImage, StopCause, SystemStop
@@ -38,9 +38,11 @@ TRACE_COLUMNS: Final = (
 
 _OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
-# Where the reading is tried: by speed commands, and while the drive ramps by itself.
+# Where the reading is tried: by speed commands, while the drive ramps by itself, and by its torque where it holds zero
+# speed. A drive that ramps turns the shaft against its torque, and HOLD has a watch of its own.
 _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
 _STOPPING: Final = (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING)
+_HELD: Final = (*_TRIED, PowerPhase.CLOSING, PowerPhase.UNLOADING)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 
 
@@ -75,7 +77,7 @@ class Axis:
 
     __slots__ = (
         "_drives_against", "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled",
-        "_site", "_switching_off", "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback",
+        "_site", "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback",
         "interlocks", "liveness", "load_side", "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad",
         "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state", "system_stop", "thermal",
         "time_s", "turns", "vel_cmd_rad_s", "virtual", "zero_counts",
@@ -124,7 +126,7 @@ class Axis:
         self.system_stop: SystemStop | None = None
         self.refusal: Refusal | None = None
         self.refusal_count = 0
-        self._error = self._switching_off = False
+        self._error = False
         self._settled = True
         self._events = AxisEvents(False, False, False, None)
 
@@ -169,7 +171,7 @@ class Axis:
         if virtual.at_rest and power.phase is not _OFF:
             self._try_reading()
         # An alarm raised in this scan acts on the output of this scan.
-        if alarms.pending or self._error or self._switching_off or self.recovery.resetting:
+        if alarms.pending or self._error or self.motion.switching_off or self.recovery.resetting:
             self._interrupted()
         if power.phase is _ON:
             if not virtual.following:
@@ -204,7 +206,7 @@ class Axis:
         events = (
             self._error,
             power.status,
-            motion.stop_command is not None or (self._switching_off and not virtual.at_rest),
+            motion.stop_command is not None or (motion.switching_off and not virtual.at_rest),
             None if current is None else current.state,
         )
         # A plain tuple: the state table is entered only when one of its inputs has changed.
@@ -239,7 +241,7 @@ class Axis:
         if self.brake_test.under_way:
             return refusal(Code.PWR_04, reason=Words.TEST_UNDER_WAY)
         if not self.is_off:
-            if self._switching_off or self.power.falling or self.power.phase is PowerPhase.TORQUE_HOLD:
+            if self.motion.switching_off or self.power.falling or self.power.phase is PowerPhase.TORQUE_HOLD:
                 return refusal(Code.PWR_04, reason=Words.SWITCHING_OFF)
             return None
         refused = why_no_torque(self.feedback, self.alarms)
@@ -279,10 +281,9 @@ class Axis:
         if self.brake_test.under_way:
             self.abort_brake_test(Words.POWER_SWITCHED_OFF)
             return
-        if self.is_off or self._error or self._switching_off:
+        if self.is_off or self._error or self.motion.switching_off:
             return
         self.motion.abort_for_power_off()
-        self._switching_off = True
 
     def reset(self, *, service: bool = False) -> Refusal | None:
         """Clear alarms whose cause is gone; None when accepted. Never enables, never shortens a stop."""
@@ -394,12 +395,14 @@ class Axis:
                 self.alarms.raise_(
                     Code.SYS_02, measured=Words.OVERRUNS(count=stop.measured, limit=stop.limit)
                 )
+            case _:
+                assert_never(stop.cause)
 
     def _try_reading(self) -> None:
         """Ask whether the reading lives, wherever the drive holds the axis or brings it to rest."""
         power, feedback = self.power, self.feedback
         # In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap.
-        if power.phase in _TRIED and feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
+        if power.phase in _HELD and feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
             self.liveness.drive_against()
         if power.phase is _ON:
             self.liveness.stand(proven=True)
@@ -417,10 +420,10 @@ class Axis:
             self.power.react(Reaction.TORQUE_OFF)
         if self._error:
             self.recovery.scan(self.scan, self.pos_act_rad)
-        if self._switching_off and self.virtual.at_rest:
-            self._switching_off = False
+        if self.motion.switching_off and self.virtual.at_rest:
+            self.motion.switching_off = False
             self.power.switch_off()
-        if self.recovery.resetting and self.recovery.finished():
+        if self.recovery.finished():
             self._reset_now()
 
     def _react(self) -> None:
@@ -434,7 +437,7 @@ class Axis:
         if first is None or reaction < Reaction.QUICK_STOP:
             return
         self._error = True
-        self._switching_off = False
+        self.motion.switching_off = False
         self.motion.fail_all(first.refusal)
         self.recovery.stop_begun(first)
         self.power.react(reaction)
@@ -480,7 +483,7 @@ class Axis:
 
     def _park(self) -> None:
         motion = self.motion
-        if motion.current is None and motion.stop_command is None and not self._switching_off:
+        if motion.current is None and motion.stop_command is None and not self.motion.switching_off:
             self.power.park()
             self._unfollow()
 

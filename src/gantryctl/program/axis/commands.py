@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import assert_never
 
 from gantryctl.image import BufferMode, Direction
 from gantryctl.program.alarms.codes import Code
@@ -49,13 +50,15 @@ class MotionCommands:
         buffered: the command that waits for the end of the one before, or None: there is one such place.
         speed_max_rad_s: highest speed of later motions, at most the highest setting.
         stop_command: the Stop that holds the axis, or None.
+        switching_off: power goes off as soon as the axis is at rest; until then it takes no command.
         state, scan: of the axis, set by `Axis`.
         waiting: the command that waits for the brake, or None.
     """
 
     __slots__ = (
         "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_sign", "_stop_execute", "_virtual",
-        "brake_overdue", "buffered", "current", "scan", "speed_max_rad_s", "state", "stop_command", "waiting",
+        "brake_overdue", "buffered", "current", "scan", "speed_max_rad_s", "state", "stop_command",
+        "switching_off", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -75,7 +78,7 @@ class MotionCommands:
         self.buffered: MotionCommand | None = None
         self.speed_max_rad_s = settings.speed.setting_max_rad_s
         self.stop_command: MotionCommand | None = None
-        self._stop_execute = self.brake_overdue = False
+        self._stop_execute = self.brake_overdue = self.switching_off = False
         # Direction of the last motion.
         self._sign = 1.0
         self.state = AxisState.DISABLED
@@ -209,6 +212,7 @@ class MotionCommands:
         """Come to rest before power goes off."""
         self._stop_on_jog_ramp()
         self.take(None)
+        self.switching_off = True
 
     def fail_all(self, reason: Refusal) -> None:
         """End every command with an error, by an alarm."""
@@ -322,8 +326,7 @@ class MotionCommands:
             rest_rad: where the axis will be at rest by then; None asks the motion under way.
         """
         aim, travel = command.aim, self._settings.travel
-        if aim is None:
-            return None
+        assert aim is not None  # only a motion is asked for
         match aim.goal:
             case Goal.ANGLE:
                 command.target_rad = aim.value
@@ -345,6 +348,8 @@ class MotionCommands:
                 stretch = travel.stretch(here_rad)
                 command.target_rad = stretch.high_rad if aim.value > 0.0 else stretch.low_rad
                 return check_direction(here_rad, aim.value, travel)
+            case _:
+                assert_never(aim.goal)
 
     def _branch(self, target_rad: float, direction: Direction, rest_rad: float | None) -> float:
         """Where a modulo axis comes to rest at an angle of its turn: that angle and some whole turns."""
@@ -413,6 +418,9 @@ class MotionCommands:
         stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None
         if stopped or not self._power.status:
             return self._not_ready()
+        # A motion taken over from that ramp would be made to its end.
+        if self.switching_off:
+            return refusal(Code.CTL_14, reason=Words.SWITCHING_OFF)
         if self.stop_command is not None:
             return refusal(Code.CTL_14, reason=Words.HELD_BY_STOP)
         return None

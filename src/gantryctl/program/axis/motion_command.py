@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import Enum, auto
 from typing import Final, NamedTuple, Protocol
 
 from gantryctl.image import Direction
@@ -17,23 +17,23 @@ class CommandStatus(Enum):
     power-off took over. ERROR: refused, or ended by an alarm; `refusal` has the reason.
     """
 
-    WAITING = 0
-    ACTIVE = 1
-    DONE = 2
-    ABORTED = 3
-    ERROR = 4
+    WAITING = auto()
+    ACTIVE = auto()
+    DONE = auto()
+    ABORTED = auto()
+    ERROR = auto()
 
 
 class Goal(Enum):
     """What the value of an aim is."""
 
-    ANGLE = 0
+    ANGLE = auto()
     """An angle of the axis."""
-    WAY = 1
+    WAY = auto()
     """A way from the set-point."""
-    WAY_ON = 2
+    WAY_ON = auto()
     """A way on from the target of the motion under way; without one, from the set-point."""
-    SPEED = 3
+    SPEED = auto()
     """A speed, its sign the direction, without an end."""
 
 

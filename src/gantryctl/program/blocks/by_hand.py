@@ -35,8 +35,8 @@ class Jog(ExecuteBlock):
             self._keys(forward, backward, velocity_rad_s)
             self._forward, self._backward = forward, backward
         # A speed that changes while the key is held is taken on the way.
-        elif self.busy and not self._released and velocity_rad_s != self._speed:
-            self._change_speed(velocity_rad_s)
+        elif self.command is not None and not self._released and velocity_rad_s != self._speed:
+            self._change_speed(self.command, velocity_rad_s)
         self._show(forward or backward)
 
     def _keys(self, forward: bool, backward: bool, velocity_rad_s: float) -> None:
@@ -67,12 +67,11 @@ class Jog(ExecuteBlock):
         self.at_limit = command.status is CommandStatus.DONE and command.refusal is not None
         super()._end(command)
 
-    def _change_speed(self, velocity_rad_s: float) -> None:
+    def _change_speed(self, command: MotionCommand, velocity_rad_s: float) -> None:
         self._speed = velocity_rad_s
-        if self.command is not None:
-            refused = self.axis.motion.change_speed(self.command, velocity_rad_s)
-            if refused is not None:
-                self.axis.report_refusal(refused)
+        refused = self.axis.motion.change_speed(command, velocity_rad_s)
+        if refused is not None:
+            self.axis.report_refusal(refused)
 
 
 class Inch(ExecuteBlock):

@@ -148,13 +148,12 @@ class Stop(ExecuteBlock):
         self._held: MotionCommand | None = None
 
     def __call__(self, *, execute: bool) -> None:
-        if execute != self._execute:
-            if execute:
-                self._held = self.axis.stop()
-                self._begin(self._held)
-            elif self._held is not None:
-                self.axis.motion.release_stop(self._held)
-                self._held = None
+        if execute and not self._execute:
+            self._held = self.axis.stop()
+            self._begin(self._held)
+        elif not execute and self._held is not None:
+            self.axis.motion.release_stop(self._held)
+            self._held = None
         self._show(execute)
 
 

@@ -72,6 +72,12 @@ class Liveness:
         self._still = self._at = self._tries = self.dithers = 0
         self.vel_rad_s = self._vel = 0.0
 
+    @property
+    def answer_s(self) -> float:
+        """Longest time for which a frozen reading of an axis held at rest is believed; inf where none is asked."""
+        tries = len(_DITHER_COUNTS) * (self._after + 1)
+        return (self._patience + tries) * self._period_s
+
     # --- standing ---------------------------------------------------------------------------------
 
     def stand(self, *, proven: bool) -> None:

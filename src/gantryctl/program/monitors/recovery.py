@@ -20,6 +20,11 @@ from gantryctl.units import deg
 _TORQUE_OFF_S: Final = 0.5
 _BRAKE_STOP_S: Final = 2.0
 _QUICK_STOP_S: Final = 4.0
+# What a drive that was told to enable shows while it may give torque already: one that owns its brake does so before it
+# shows Operation enabled, and of one that is not heard any more nobody knows.
+_PERHAPS_ENABLED: Final = (DriveState.SWITCHED_ON, DriveState.UNKNOWN)
+# After these the contact of the brake is known to have been wrong about it.
+_CONTACT_LIED: Final = (Code.BRK_06, Code.BRK_14)
 # One object: what shows the alarm notices a change by identity.
 _UNCONFIRMED: Final = (Words.STOP_UNCONFIRMED,)
 
@@ -28,33 +33,38 @@ class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
-        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_slow_scan", "_switching_on",
-        "_torque_scan", "_torque_unseen", "_turned", "_turning_rad_s", "_was_open", "_was_torque", "alarm", "finished",
+        "_angle_known", "_brake_scan", "_brake_unseen", "_log", "_period_s", "_slow_scan",
+        "_switching_on", "_torque_scan", "_torque_unseen", "_turned", "_turning_rad_s", "_was_open", "_was_torque",
+        "alarm", "finished",
     )  # fmt: skip
 
-    def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback, power: PowerSequence) -> None:
-        self.alarm = alarm
+    def __init__(
+        self, alarm: Alarm, period_s: float, feedback: Feedback, power: PowerSequence, log: AlarmLog
+    ) -> None:
+        self.alarm, self._log = alarm, log
         self._period_s = period_s
         # A drive that left by itself shows its new state already: what was commanded was on until then.
         self._was_open = feedback.brake_open or power.brake_open
-        # A drive that owns its brake gives torque before it shows Operation enabled.
-        self._switching_on = power.phase is PowerPhase.ENABLING and feedback.state is DriveState.SWITCHED_ON
+        self._switching_on = power.phase is PowerPhase.ENABLING and feedback.state in _PERHAPS_ENABLED
         self._was_torque = feedback.energised or power.phase in TORQUE_ON or self._switching_on
         self._brake_scan = self._torque_scan = self._slow_scan = -1
-        self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
-        self._torque_unseen = self._turned = False
+        self._torque_unseen = self._brake_unseen = self._turned = False
         self._turning_rad_s = 0.0
         self.finished = False
 
     def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
         """Record one scan; `falling`: the stop is still under way."""
-        if self._brake_scan < 0 and not feedback.brake_open and feedback.brake_known:
-            self._brake_scan = scan
+        if self._brake_scan < 0:
+            # A contact that was not heard, or was wrong, in between shows that the brake is closed, not since when.
+            lied = any(code in self._log.active for code in _CONTACT_LIED)
+            self._brake_unseen = self._brake_unseen or lied or not feedback.brake_known
+            if not feedback.brake_open and feedback.brake_known:
+                self._brake_scan = scan
         if self._torque_scan < 0:
             # A state that was not known in between shows that the torque is off, not since when.
             self._torque_unseen = self._torque_unseen or feedback.state is DriveState.UNKNOWN
-            self._switching_on = self._switching_on and feedback.state is DriveState.SWITCHED_ON
+            self._switching_on = self._switching_on and feedback.state in _PERHAPS_ENABLED
             if not (feedback.energised or self._switching_on):
                 self._torque_scan = scan
         turning = not feedback.slow
@@ -67,11 +77,10 @@ class StopRecord:
         # Speed and angle of a wrong or frozen encoder say nothing, nor do they where it was so for a while.
         self._angle_known = self._angle_known and not feedback.in_doubt
         if not falling:
-            self._rest_pos_rad = pos_rad
             # An old reading says nothing either; it may have come again.
             self._angle_known = self._angle_known and feedback.position_valid
             self.finished = True
-            self.alarm.steps = self._steps(feedback)
+            self.alarm.steps = self._steps(feedback, pos_rad)
         elif self._overdue((scan - self.alarm.scan) * self._period_s):
             self.alarm.steps = _UNCONFIRMED
 
@@ -83,7 +92,7 @@ class StopRecord:
             return time_s > _QUICK_STOP_S
         return time_s > (_TORQUE_OFF_S if self._torque_scan < 0 else _BRAKE_STOP_S)
 
-    def _steps(self, feedback: Feedback) -> tuple[Words | Said, ...]:
+    def _steps(self, feedback: Feedback, pos_rad: float) -> tuple[Words | Said, ...]:
         alarm = self.alarm
         hold = Words.TORQUE_KEPT in alarm.steps
         # A state and a contact that say "off" and "closed" of an axis that turns on have confirmed nothing.
@@ -96,13 +105,17 @@ class StopRecord:
                 Words.TORQUE_OFF_SEEN if self._torque_unseen else Words.TORQUE_OFF_AFTER,
                 off and self._was_torque and not hold,
             ),
-            (self._brake_scan, Words.BRAKE_CLOSED_AFTER, closed and self._was_open and not hold),
+            (
+                self._brake_scan,
+                Words.BRAKE_CLOSED_SEEN if self._brake_unseen else Words.BRAKE_CLOSED_AFTER,
+                closed and self._was_open and not hold,
+            ),
         )
         parts: list[Words | Said] = [Words.TORQUE_KEPT] if hold else []
         if alarm.reaction is Reaction.QUICK_STOP and self._was_torque:
             parts.append(Words.QUICK_STOP)
         for at, words, happened in sorted(steps, key=lambda step: step[0]):
-            if happened and at >= 0:
+            if happened:
                 parts.append(words(time_ms=(at - alarm.scan) * self._period_s * 1e3))
         if not (parts or self._was_torque or self._was_open or self._turned):
             return (Words.NOTHING_ON,)
@@ -112,9 +125,9 @@ class StopRecord:
             )
         if self._turning_rad_s and self._angle_known:
             parts.append(Words.STILL_TURNING(speed=abs(deg(self._turning_rad_s))))
-        moved = deg(self._rest_pos_rad - alarm.pos_rad)
+        moved = deg(pos_rad - alarm.pos_rad)
         parts.append(
-            Words.MOVED_TO(way=abs(moved), position=deg(feedback.read_rad(self._rest_pos_rad)))
+            Words.MOVED_TO(way=abs(moved), position=deg(feedback.read_rad(pos_rad)))
             if self._angle_known
             else Words.ANGLE_UNKNOWN
         )
@@ -165,7 +178,7 @@ class Recovery:
         """Follow the stop that `alarm` began."""
         self._abandon_reset(None)
         if self._record is None or self._record.alarm is not alarm:
-            self._record = StopRecord(alarm, self._period_s, self._feedback, self._power)
+            self._record = StopRecord(alarm, self._period_s, self._feedback, self._power, self._alarms)
 
     def scan(self, scan: int, pos_rad: float) -> None:
         """Follow the stop; every scan while an alarm is latched."""

@@ -219,7 +219,7 @@ class BrakeTest:
             self._rising(given)
         elif self.phase in _HELD:
             self._holding(given)
-        elif self.phase is BrakeTestPhase.RELIEVING:
+        else:
             self._relieving(given)
         return self._regulated(given)
 
@@ -256,9 +256,9 @@ class BrakeTest:
             self.minus_nm = self._mean
         if self._scans * self._period_s < HELD_S - 1e-9:
             return
-        if abs(self._mean) < _SHARE * self.level_nm:
-            wanted = math.copysign(self.level_nm, self._mean)
-            self._fail(Words.TEST_NOT_HELD(given=self._mean, wanted=wanted))
+        wanted_nm = self.level_nm if plus else -self.level_nm
+        if math.copysign(1.0, wanted_nm) * self._mean < _SHARE * self.level_nm:
+            self._fail(Words.TEST_NOT_HELD(given=self._mean, wanted=wanted_nm))
         elif plus:
             self._enter(BrakeTestPhase.MINUS_RISING)
         else:

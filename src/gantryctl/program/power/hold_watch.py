@@ -44,8 +44,7 @@ class HoldWatch:
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
         self._feedback, self._alarms = feedback, alarms
         self._period_s, self._test_torque_nm = settings.period_s, settings.power.test_torque_nm
-        self._held = self._driven = 0
-        self._speed_before = 0.0
+        self.begin()
 
     def begin(self) -> None:
         """A phase begins."""

@@ -14,10 +14,14 @@ from gantryctl.units import deg
 # reacts. A fixed 0.5 deg/s hid a drive of 0.48 deg/s that did not stop at all.
 _ENVELOPE_REACTION_S: Final = 0.060
 _ENVELOPE_S: Final = 0.050
+# At the end of its ramp a sound drive holds the motor at zero speed: then a tenth of that deviation is to spare, as for
+# every sound drive that follows a command (`monitors.torque`), and no less than what counts as rest. With all of it a
+# drive that goes on with 0.24 deg/s went on for 3 s.
+_RESTS_SHARE: Final = 0.1
 # A brake stop from the highest speed of the reference machine takes 0.9 s on the motor side.
 STOP_TIME_S: Final = 3.0
-# Beyond the time of the ramp where the speed is not known: reaction of the drive, and the load that swings on.
-_BLIND_RAMP_S: Final = 0.25
+# Beyond the time of the ramp until the drive stands: its reaction, and the load that swings on.
+_SETTLED_S: Final = 0.25
 
 
 class RampWatch:
@@ -30,6 +34,7 @@ class RampWatch:
         "_over_envelope",
         "_period_s",
         "_quick_dec",
+        "_rests",
         "_vel_start",
     )
 
@@ -37,8 +42,8 @@ class RampWatch:
         self._feedback, self._alarms = feedback, alarms
         self._period_s, self._quick_dec = settings.period_s, settings.ramps.quick_dec_rad_s2
         self._envelope = settings.monitors.velocity_deviation_rad_s
-        self._over_envelope = 0
-        self._vel_start = 0.0
+        self._rests = max(_RESTS_SHARE * self._envelope, settings.speed.rest_rad_s)
+        self.begin()
 
     def begin(self) -> None:
         """A phase begins."""
@@ -53,7 +58,8 @@ class RampWatch:
         """
         speed = abs(self._feedback.vel_rad_s)
         ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
-        allowed = ramp + self._envelope
+        rests = elapsed_s > self._vel_start / self._quick_dec + _SETTLED_S
+        allowed = self._rests if rests else ramp + self._envelope
         self._over_envelope = 0 if speed <= allowed else self._feedback.lasting(self._over_envelope)
         overdue = elapsed_s > self._vel_start / self._quick_dec + STOP_TIME_S
         if self._over_envelope * self._period_s >= _ENVELOPE_S or overdue:
@@ -64,5 +70,5 @@ class RampWatch:
     def wait_blind(self, elapsed_s: float) -> None:
         """Without a speed give the drive the time of its ramp; then the torque goes off."""
         first = self._alarms.first_out
-        if first is not None and elapsed_s > self._vel_start / self._quick_dec + _BLIND_RAMP_S:
+        if first is not None and elapsed_s > self._vel_start / self._quick_dec + _SETTLED_S:
             self._alarms.raise_(first.code, Reaction.TORQUE_OFF)

@@ -24,6 +24,9 @@ from gantryctl.units import deg
 # Without a valid position the end of a brake stop is judged by time alone.
 _BLIND_STOP_S: Final = 1.5
 _UNLOAD_STEPS: Final = 3
+# Beyond the closing time of the brake: a drive that owns it is then told to take the torque off at once, whether it has
+# closed the brake or not (`drives.canopen.brake`), so people are told in the same scan. Of fault D3: 0.4 s in all.
+_DISABLED_S: Final = 0.2
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ON: Final = PowerPhase.ON
 _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
@@ -56,6 +59,7 @@ class PowerSequence:
         "_close_late_scans",
         "_close_scans",
         "_count",
+        "_disabled_scans",
         "_drive_owns_brake",
         "_feedback",
         "_hold_watch",
@@ -95,6 +99,8 @@ class PowerSequence:
         self._period_s = settings.period_s
         self._power_up_scans = settings.scans(power.power_up_time_s)
         self._close_scans = settings.scans(power.brake_close_time_s)
+        # CLOSING has taken a scan of it where the drive owns the brake.
+        self._disabled_scans = settings.scans(power.brake_close_time_s + _DISABLED_S) - 1
         feedback_scans = settings.scans(power.brake_feedback_time_s)
         self._close_late_scans = self._close_scans + feedback_scans
         self._open_late_scans = settings.scans(power.brake_open_time_s) + feedback_scans
@@ -267,7 +273,7 @@ class PowerSequence:
         self.brake_open = outputs.brake_open
         if outputs.request is not None:
             self.request = outputs.request
-        elif phase is PowerPhase.TORQUE_HOLD and self.request is DriveRequest.DISABLE:
+        elif self.request is not DriveRequest.QUICK_STOP:  # HOLD of a drive that was off, or in its reset
             self.request = DriveRequest.ENABLE
         if self.request is DriveRequest.DISABLE:
             self.torque_ff_nm = 0.0
@@ -283,16 +289,23 @@ class PowerSequence:
             if self._count > self._power_up_scans:
                 self._stuck(_OPERATION_ENABLED)
             return
+        # Only the controller opens such a brake, so a contact that says open is late, or lies. Taken for a drive that
+        # opens its brake by itself, the torque would go off before the brake closes at every way down.
+        by_drive = self._settings.brake_by_drive
+        if feedback.brake_open and not by_drive:
+            if self._count > self._close_late_scans:
+                self._brake_still_open(Reaction.QUICK_STOP)
+            return
         # The torque of the last standstill: the drive adds it to its own loop, so nothing steps at release.
         holding.preload()
-        self._drive_owns_brake = feedback.brake_open
-        if self._turns_back and not feedback.brake_open:
+        self._drive_owns_brake = feedback.brake_open and by_drive
+        if self._turns_back and not self._drive_owns_brake:
             self._enter(PowerPhase.DISABLING)
             return
         if self.brake_test.under_way:
             self._test_enabled()
         # A drive that opened the brake owns it: its own sequence is accepted, and the sag is watched.
-        elif feedback.brake_open:
+        elif self._drive_owns_brake:
             self.proof = Proof.NOT_POSSIBLE
             self._enter(PowerPhase.SAG_WATCH)
         elif not self._settings.torque_preload:
@@ -381,7 +394,7 @@ class PowerSequence:
     def _disabling(self, _pos_rad: float) -> None:
         if self._feedback.state not in ENABLED:
             self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
-        elif self._count > self._power_up_scans:
+        elif self._count >= self._disabled_scans:
             self._stuck(DriveState.SWITCH_ON_DISABLED)
 
     def _off(self, pos_rad: float) -> None:
@@ -487,12 +500,12 @@ class PowerSequence:
             Code.DRV_03, reaction, measured=state, time_ms=time_ms, command=drive_state_words(wanted)
         )
 
-    def _brake_still_open(self) -> None:
+    def _brake_still_open(self, reaction: Reaction | None = None) -> None:
         # Without a contact, or with a reading of it that is too old, nothing contradicts.
         if not self._feedback.brake_known:
             return
         time_ms = self._milliseconds(self._count)
-        self._alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)
+        self._alarms.raise_(Code.BRK_06, reaction, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)
 
 
 # One row per phase but ON, which has no step of its own.

@@ -31,9 +31,7 @@ class SlipWatch:
         self._feedback, self._alarms = feedback, alarms
         self._period_s, self._sag_max_rad = settings.period_s, settings.power.sag_max_rad
         self._rest_scans = settings.scans(REST_S)
-        self._from_rad: float | None = None
-        self._unwinding = False
-        self._doubted_moving = 0
+        self.begin(None, unwinds=False)
 
     def begin(self, pos_rad: float | None, *, unwinds: bool) -> None:
         """A phase begins.
@@ -42,7 +40,7 @@ class SlipWatch:
             pos_rad: the angle counts from here; None for the next one that is judged.
             unwinds: the torque may have gone off while the brake still closed.
         """
-        self._from_rad = pos_rad
+        self._from_rad: float | None = pos_rad
         self.go_on(unwinds=unwinds)
 
     def go_on(self, *, unwinds: bool) -> None:

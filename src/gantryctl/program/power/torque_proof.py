@@ -11,6 +11,7 @@ from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.twist import Twist
 from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg
 
 
 class TorqueProof:
@@ -59,6 +60,14 @@ class TorqueProof:
         wanted = self._power.proof_share * abs(proof_nm)
         given = self._feedback.torque_nm * math.copysign(1.0, proof_nm)
         if not abs(given) <= abs(proof_nm) + self._power.proof_excess_nm:
+            # A torque that turns the shaft is no wrong reading: the brake slips, and a drive that pushes where it means
+            # to brake reads the shaft with the wrong sign.
+            if not self._feedback.slow and self._feedback.torque_nm * self._feedback.vel_rad_s < 0.0:
+                words = Words.GROWS_AGAINST(
+                    speed=deg(abs(self._feedback.vel_rad_s)), torque=self._feedback.torque_nm
+                )
+                self._feedback.doubt(Code.ENC_12, measured=words)
+                return False
             self._holding.believed = False
             reading = Words.TORQUE_AGAINST_BRAKE(torque=self._feedback.torque_nm, wanted=proof_nm)
             self._alarms.raise_(Code.DRV_14, Reaction.QUICK_STOP, measured=reading)

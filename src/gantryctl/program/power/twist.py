@@ -24,9 +24,7 @@ class Twist:
         self._feedback = feedback
         self._fine = settings.monitors.encoder_shows_twist
         self._period_s = settings.period_s
-        self._from, self._sign = math.nan, 1.0
-        self._with = self._against = 0.0
-        self._scans = 0
+        self.begin(0.0)
 
     def begin(self, torque_nm: float) -> None:
         """The torque is given from the next scan on."""

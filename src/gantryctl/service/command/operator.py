@@ -70,7 +70,7 @@ class ServiceOperator:
         self.events, self.refusals, self._acknowledge = inbox.events, inbox.refusals, acknowledge
         # Nine digits: 6 deg/s comes back from radians as 6.
         in_force = round(deg(program.axis.settings.speed.setting_max_rad_s), 9)
-        self.ranges = rules.setting_ranges(machine, min(machine.speed.setting_max_deg_s, in_force))
+        self.ranges = rules.setting_ranges(machine, in_force)
         self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
         self.unheld = UnheldPower(program.axis, self.authority, machine.monitors.unheld_power_time_s)
         lease_s = machine.monitors.lease_ms * 1e-3

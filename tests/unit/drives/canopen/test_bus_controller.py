@@ -93,6 +93,11 @@ def test_error_passive_lasts_until_the_controller_says_so() -> None:
         link.receive(0.0)
         assert link.trouble == trouble, state
     assert link.passives == 2
+    # The byte of the states has a meaning in frames of that class alone.
+    for kind in (0x01, 0x02, 0x08, 0x80):
+        adapter.error_frame(kind, PASSIVE)
+        link.receive(0.0)
+    assert (link.trouble, link.passives) == (LinkFlag.NONE, 2)
 
 
 def test_a_full_queue_is_counted_and_is_down_after_three_frames() -> None:

@@ -7,6 +7,7 @@ from typing import Final
 import pytest
 
 from gantryctl.drives.canopen.scaling import BusUnits
+from gantryctl.drives.canopen.settings import drive_identity
 from gantryctl.units import DriveVelocityUnit
 from gantryctl.wiring.canopen import canopen_settings
 from unit.drives.canopen.canopen_bench import machine
@@ -38,10 +39,18 @@ def test_a_turn_a_second_and_the_rated_torque(unit: DriveVelocityUnit, inverted:
     # 6085 has no sign: 5.4 deg/s2 are what they are whichever way the motor turns.
     assert units.ramp(math.tau) == round(TURN[unit])
     assert units.ramp(-math.tau) == round(TURN[unit])
+    # 0 would be no ramp at all.
+    assert units.ramp(1e-9) == 1
     # Per mille of the rated torque: 25 N m of 250.
     assert units.torque(25.0) == sign * 100
     assert units.nm_per_unit * 100 == pytest.approx(sign * 25.0, rel=1e-12)
     assert units.rad_per_increment * 524288 == pytest.approx(math.tau, rel=1e-12)
+
+
+@pytest.mark.parametrize(("turns", "seen"), [(4096, 4096), (8192, 8192), (65_536, 8192)])
+def test_the_bus_carries_no_more_turns_than_32_bits_hold(turns: int, seen: int) -> None:
+    """2^32 counts are 8192 turns of 2^19, whatever the encoder counts beyond them."""
+    assert drive_identity(replace(canopen_settings(machine()), turns=turns), "a drive", "1-2-3").turns == seen
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -15,6 +15,7 @@ from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.drives.canopen.emergency import HISTORY, EmergencyLog, emergency_text
 from gantryctl.drives.canopen.process_image import Unwrap
 from gantryctl.drives.canopen.setup.parameter_check import interpolation
+from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 
 pytestmark = pytest.mark.can
@@ -221,6 +222,12 @@ def test_any_drive_gets_telegrams_that_fit(present: frozenset[m.Signal], by_60fe
 def test_the_sync_period_as_60c2(period_us: int, pair: tuple[int, int]) -> None:
     assert interpolation(period_us) == pair
     assert pair[0] * 10.0 ** pair[1] == pytest.approx(period_us * 1e-6)
+
+
+def test_60c2_holds_no_more_than_eight_bits() -> None:
+    assert interpolation(255_000) == (255, -3)
+    with pytest.raises(DeviceError, match="256000 us cannot be told to the drive"):
+        interpolation(256_000)
 
 
 # --- SDO ----------------------------------------------------------------------------------------------------------

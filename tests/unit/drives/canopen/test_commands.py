@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
+from gantryctl.drives.canopen.setup.opening import read_restart_marker
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag, OutputImage
@@ -88,6 +89,49 @@ def test_speed_and_torque_go_out_in_the_states_that_may_have_them() -> None:
         (_, command), *_ = each(bench, sent, 1, OutputImage(request, ONE_DEG_S, 0.0, True))
         assert command == (word, 0, 0)
         bench.run(1.0, DriveRequest.DISABLE)
+    bench.drive.close()
+
+
+def test_the_torque_stays_while_a_quick_stop_lasts() -> None:
+    """The preload holds the unbalanced load until the brake does: 25.7 N m are 100 per mille."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    seen = each(bench, spied(bench), 150, OutputImage(DriveRequest.QUICK_STOP, ONE_DEG_S, 25.7, True))
+    states = {state for state, _ in seen}
+    assert states == {
+        DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.SWITCH_ON_DISABLED,
+    }  # fmt: skip
+    for state, command in seen:
+        assert command.torque == (0 if state is DriveState.SWITCH_ON_DISABLED else 100), state
+        assert command.speed == 0
+    bench.drive.close()
+
+
+def test_who_only_looks_gives_no_sign_of_a_controller() -> None:
+    """From its first heartbeat on the drive would miss the next, and trip when the looker has gone."""
+    bench = Bench().open()
+    sent = spied(bench)
+    for _ in range(40):
+        bench.drive.look()
+    assert HEARTBEAT not in [can_id for can_id, _ in sent]
+    # What the drive shows now, and not what it showed before.
+    assert bench.drive.look().state is DriveState.SWITCH_ON_DISABLED
+    bench.event("fault", code=0x2310)
+    bench.drive.look()
+    assert bench.drive.look().state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+    bench.scan(DriveRequest.DISABLE)
+    assert HEARTBEAT in [can_id for can_id, _ in sent]
+    bench.drive.close()
+
+
+def test_the_marker_of_a_run_is_the_one_that_the_drive_holds() -> None:
+    bench = Bench().open()
+    marker = bench.drive.leave_restart_marker()
+    assert marker is not None
+    assert read_restart_marker(bench.drive.node.sdo) == marker
+    for index in (0x1402, 0x1403):
+        bench.virtual.od.readers[index, 1] = lambda: 0x8000_0181  # whatever is written
+    assert bench.drive.leave_restart_marker() is None or marker == 0x181
     bench.drive.close()
 
 
@@ -243,7 +287,12 @@ def test_the_brake_at_60fe_is_closed_and_the_speed_0_before_the_drive_is_started
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_look_at_a_standing_drive_has_the_angle_of_the_run(inverted: bool) -> None:
     bench = Bench(angle_deg=30.0, changes=(("can.inverted", inverted),))
-    at_rest = ReadOnlyDrive(bench.link, bench.drive.settings).read().pos_act_counts
+    readers = dict(bench.virtual.od.readers)
+    bench.virtual.od.readers[0x603F, 0] = lambda: 0x7305
+    seen = ReadOnlyDrive(bench.link, bench.drive.settings).read()
+    assert (seen.state, seen.error_code) == (DriveState.SWITCH_ON_DISABLED, 0x7305)
+    at_rest = seen.pos_act_counts
+    bench.virtual.od.readers = readers
     bench.open()
     # The closed brake gives way by less than a thousandth of a turn.
     assert bench.drive.read().pos_act_counts == pytest.approx(at_rest, abs=524)

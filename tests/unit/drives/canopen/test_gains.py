@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from gantryctl.commissioning import Commissioning, Outcome
 from gantryctl.drives.canopen.bus.node import RemoteNode
-from gantryctl.drives.canopen.setup.gains import GainReading, planned_changes, read_gains, write_gains
+from gantryctl.drives.canopen.setup.gains import (
+    GainReading,
+    _refuse_turning,
+    planned_changes,
+    read_gains,
+    write_gains,
+)
 from gantryctl.drives.canopen.setup.parameters import save
 from gantryctl.drives.profiles import Gain, Saving, SpeedLoop, load_profile
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
@@ -140,6 +147,22 @@ def test_a_drive_with_torque_or_a_turning_motor_is_refused(table: Path) -> None:
         with pytest.raises(CommandRefused, match="the motor turns: 1000 increments"):
             write_gains(node, changes, 524_288)
         assert drive.od.number(0x30A2, 1) == 10_000
+
+
+@pytest.mark.parametrize(
+    ("begun", "then", "stands"),
+    [
+        (0, 524, True), (0, -524, True), (0, 525, False), (0, -525, False),
+        (2**31 - 1, -(2**31) + 523, True), (-(2**31), 2**31 - 600, False),  # over the end of 32 bits
+    ],
+)  # fmt: skip
+def test_a_motor_that_turns_either_way_keeps_its_gains(begun: int, then: int, stands: bool) -> None:
+    """Within 0.2 s a standing shaft passes no thousandth of its 524 288 increments."""
+    read = iter((begun, then))
+    sdo = SimpleNamespace(number=lambda _: next(read))
+    node = SimpleNamespace(sdo=sdo, link=SimpleNamespace(pause=lambda _: None))
+    with nullcontext() if stands else pytest.raises(CommandRefused, match="the motor turns"):
+        _refuse_turning(node, 524_288)  # type: ignore[arg-type]
 
 
 def test_written_gains_make_the_record_void(

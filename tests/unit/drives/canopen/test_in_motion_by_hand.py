@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -122,6 +123,20 @@ def test_the_brake_at_60fe_closes_with_it() -> None:
     drive = Stop("object_60FE")
     drive.scan(0x02, 0, scans=10)
     drive.scan(0x00, 1, scans=10)
+    assert drive.asked.writes == [
+        (0x6040, 0, "0200"), (0x60FE, 1, "00000000"), (0x6040, 0, "0000"), (0x60FE, 1, "01000000"),
+    ]  # fmt: skip
+
+
+def test_what_is_refused_is_not_asked_again() -> None:
+    """The same request would get the same answer, and the torque would wait behind it."""
+    drive = Stop("object_60FE")
+    for word, brake in ((0x02, 0), (0x00, 1)):
+        for _ in range(20):
+            before = len(drive.asked.writes)
+            drive.scan(word, brake, answers=False)
+            if len(drive.asked.writes) > before:
+                drive.asked.then(None)
     assert drive.asked.writes == [
         (0x6040, 0, "0200"), (0x60FE, 1, "00000000"), (0x6040, 0, "0000"), (0x60FE, 1, "01000000"),
     ]  # fmt: skip
@@ -254,6 +269,8 @@ def test_a_drive_under_local_control_is_told_after_three_scans() -> None:
     drive = Watched()
     assert [drive.scan(status=0x1037) for _ in range(5)] == [LinkFlag.NONE] * 3 + [LinkFlag.LOCAL_CONTROL] * 2
     assert drive.scan() == LinkFlag.NONE
+    # Of one whose state is not known nothing is known, whatever is asked of it.
+    assert {drive.scan(S.UNKNOWN, 0x1037) for _ in range(8)} == {LinkFlag.NONE}
 
 
 @pytest.mark.parametrize(
@@ -280,6 +297,31 @@ def test_sync_that_is_not_seen_for_30_ms_is_told(unseen: int, told: bool) -> Non
     drive = Watched()
     drive.wire.unseen = unseen
     assert bool(drive.scan() & LinkFlag.SYNC_UNSEEN) is told
+
+
+@pytest.mark.parametrize(("bits", "told"), [(3800, False), (3801, True)])
+def test_a_bus_with_more_than_95_percent_of_its_bits_is_full(bits: int, told: bool) -> None:
+    """Measured over 20 ms, five scans: 20 000 bits at 1 Mbit/s, of which 19 000 may be used."""
+    drive, seen = Watched(), LinkFlag.NONE
+    for _ in range(12):
+        drive.wire.traffic.bits += bits
+        seen |= drive.scan()
+    assert bool(seen & LinkFlag.OVERLOADED) is told
+
+
+@pytest.mark.parametrize(
+    ("elapsed_ms", "told"),
+    [
+        ((6.1, 6.1, 6.1), True), ((1.9, 1.9, 1.9), True), ((1.9, 6.1, 0.0), True), ((5.9, 2.1, 5.9), False),
+        ((6.1, 6.1, 4.0), False), ((1.9, 4.0, 1.9), False),
+    ],
+)  # fmt: skip
+def test_three_periods_off_by_more_than_half_are_told(elapsed_ms: tuple[float, ...], told: bool) -> None:
+    """Too short ones as well: the drive interpolates over the 4 ms that it was told."""
+    drive = Watched()
+    for each in elapsed_ms:
+        drive.watch.period(1e-3 * each)
+    assert bool(drive.scan() & LinkFlag.SYNC_JITTER) is told
 
 
 # --- nodes beside the drive ---------------------------------------------------------------------------------------
@@ -309,6 +351,8 @@ def test_inputs_of_a_lost_node_are_safe_at_rest_and_its_brake_contact_is_unknown
     assert beside.brake_contact() is None
     # In motion the alarm stops the axis; what is not known is not said to be an emergency stop.
     assert beside.read_inputs(None, keep=True)[:2] == (True, True)
+    # Its brake contact is not carried on, in motion neither.
+    assert beside.brake_contact() is None
     bench.drive.close()
 
 
@@ -320,6 +364,14 @@ def test_a_node_is_lost_after_30_ms_or_three_wrong_lengths(age: int, wrong: int,
     node = bench.drive.beside.nodes[0]
     node.watch.age, node.watch.wrong_in_row = age, wrong
     assert node.judge(True) is lost
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(("age", "known"), [(0, True), (6, True), (7, False)])
+def test_a_ring_encoder_of_the_drive_is_believed_for_30_ms(age: int, known: bool) -> None:
+    bench = Bench(changes=(("can.load_encoder.source", "60E4"),)).open()
+    seen = bench.drive.beside.ring_rad(SimpleNamespace(ring=(0, age)))  # type: ignore[arg-type]
+    assert math.isfinite(seen) is known
     bench.drive.close()
 
 

@@ -54,6 +54,13 @@ def test_what_is_not_wired_counts_as_good_or_is_not_there() -> None:
     assert InputReader(InputBits(), None).read(0b11, None)[2:4] == (False, False)
 
 
+@pytest.mark.parametrize(("bits", "minus_ok", "plus_ok"), [(0b01, False, True), (0b10, True, False)])
+def test_each_limit_switch_is_that_of_its_end(bits: int, minus_ok: bool, plus_ok: bool) -> None:
+    """CiA 402: bit 0 of 60FD is the negative limit, bit 1 the positive one."""
+    seen = InputReader(InputBits(), None).read(bits, None)
+    assert (seen.limit_minus_ok, seen.limit_plus_ok) == (minus_ok, plus_ok)
+
+
 def test_every_input_of_a_lost_node_is_in_its_safe_state() -> None:
     bits = InputBits(*range(len(InputBits._fields)))
     reader = InputReader(NOTHING, bits)
@@ -69,14 +76,26 @@ def test_a_chain_with_one_channel_on_a_lost_node_does_not_differ() -> None:
     assert reader.read(1 << 16, 1).estop_closed
     lost = reader.read(1 << 16, None)
     assert (lost.estop_ok, lost.estop_ok_2) == (False, False)
+    # Nor with the other channel there; where there is one channel only, there is no second one to be open.
+    reader = InputReader(NOTHING._replace(estop_ok_2=16), NOTHING._replace(estop_ok=0))
+    assert reader.read(1 << 16, 1).estop_closed
+    lost = reader.read(1 << 16, None)
+    assert (lost.estop_ok, lost.estop_ok_2) == (False, False)
+    lost = InputReader(NOTHING, NOTHING._replace(estop_ok=0)).read(None, None)
+    assert (lost.estop_ok, lost.estop_ok_2) == (False, None)
 
 
-@pytest.mark.parametrize(("relay_s", "period_s"), [(0.1, 0.004), (0.1, 0.001), (0.05, 0.010), (1.0, 0.001)])
-def test_the_watchdog_has_an_edge_every_quarter_of_its_time(relay_s: float, period_s: float) -> None:
+@pytest.mark.parametrize(
+    ("relay_s", "period_s", "scans"), [(0.1, 0.004, 6), (0.1, 0.001, 25), (0.05, 0.010, 1), (1.0, 0.001, 250)]
+)
+def test_the_watchdog_has_an_edge_every_quarter_of_its_time(
+    relay_s: float, period_s: float, scans: int
+) -> None:
     watchdog = Watchdog(relay_s, period_s)
     levels = [watchdog.scan(well=True) for _ in range(2000)]
     gaps = [n for n, (a, b) in enumerate(pairwise(levels)) if a is not b]
-    longest_s = max(b - a for a, b in pairwise(gaps)) * period_s
+    assert {b - a for a, b in pairwise(gaps)} == {scans}
+    longest_s = scans * period_s
     assert longest_s <= max(relay_s / 4.0, period_s) + 1e-9
     # One late edge keeps the relay closed.
     assert 2.0 * longest_s < relay_s
@@ -152,6 +171,27 @@ def test_the_ring_goes_on_over_its_wrap(span: int, inverted: bool) -> None:
         assert math.degrees(ring.after(0)) == pytest.approx(angle, abs=360.0 / TURN)
     # Missed telegrams: it goes on with its speed, 125 deg/s here.
     assert math.degrees(ring.after(5)) == pytest.approx(190.0 + 2.5, abs=0.01)
+
+
+def test_a_missing_reading_of_the_ring_goes_on_with_the_speed_of_the_scans_that_have_passed() -> None:
+    """Half a degree a scan, 1000 steps a degree. Only a sample newer than the one before is a reading."""
+    ring = RingAngle(LoadEncoderSettings(4, 360_000, 0, False), 1 << 32, 0.004)
+    assert math.isnan(ring.read(0, 0))
+    for periods, reading, age, angle in (
+        (1, 0.0, 0, 0.0),
+        (1, 0.5, 0, 0.5),
+        (1, 0.5, 1, 1.0),  # two telegrams are missing
+        (1, 0.5, 2, 1.5),
+        (1, 2.0, 0, 2.0),
+        (1, 2.0, 1, 2.5),
+        (4, 4.5, 0, 4.5),  # the controller was held up for three scans
+        (1, 4.5, 1, 5.0),
+        (1, 5.0, 1, 5.5),  # that one was late
+        (1, 4.0, 0, 4.0),  # and back
+        (1, 4.0, 1, 3.5),
+    ):
+        ring.begin(periods)
+        assert math.degrees(ring.read(round(1000 * reading), age)) == pytest.approx(angle, abs=1e-9)
 
 
 def test_the_io_node_is_sent_what_is_wired_to_it_and_no_more() -> None:

@@ -50,8 +50,7 @@ def test_a_ring_encoder_in_alarm_or_lost_has_no_angle(data: str, lost: bool, kno
     ring = object.__new__(RingEncoder)
     watch = SimpleNamespace(data=bytes.fromhex(data) or None, received=1, age=0)
     ring.node = SimpleNamespace(lost=lost, watch=watch)  # type: ignore[assignment]
-    ring._angle = SimpleNamespace(take=lambda counts, scans: None, after=lambda age: 1.5)  # type: ignore[assignment]
-    ring._received, ring._age, ring._alarm = 0, 1, False
+    ring.angle = SimpleNamespace(read=lambda counts, age: 1.5)  # type: ignore[assignment]
     # The scan of the telegram, and the next, in which the same telegram is one scan old.
     for age in (0, 1):
         watch.age = age

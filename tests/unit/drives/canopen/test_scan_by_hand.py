@@ -8,7 +8,7 @@ import pytest
 
 from gantryctl.drives.canopen.bus.link import Frame
 from gantryctl.image import DriveRequest, DriveState, LinkFlag, OutputImage
-from unit.drives.canopen.canopen_bench import Bench
+from unit.drives.canopen.canopen_bench import SYNC_S, Bench
 
 pytestmark = pytest.mark.can
 
@@ -117,6 +117,18 @@ def test_a_drive_is_enabled_from_the_moment_it_follows(monkeypatch: pytest.Monke
     bench.drive.close()
 
 
+def test_a_drive_has_a_second_to_follow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the word that enables it on; by then its brake is open."""
+    bench = Bench().open()
+    statuswords(bench, monkeypatch, lambda word: word & 0xEFFF)
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    while not bench.scan().link & LinkFlag.NEVER_FOLLOWED:
+        assert len(sent) < 400
+    # More than 250 periods of 4 ms.
+    assert sum(data.startswith("0f 00") for data in sent) == 251
+    bench.drive.close()
+
+
 def test_a_drive_in_another_mode_is_not_enabled(monkeypatch: pytest.MonkeyPatch) -> None:
     """6061 is asked for every 0.1 s; 8 is a mode of positions."""
     bench = Bench().open()
@@ -191,3 +203,41 @@ def test_a_drive_that_owns_its_brake_closes_it_before_the_torque_goes_off(
     bench.scan(brake_open=False)
     assert [data[:5] for data in sent] == ["0f 00", "07 00"]
     bench.drive.close()
+
+
+@pytest.mark.parametrize(
+    ("periods", "spread"),
+    [(1.0, 0.0), (1.09, 0.0), (0.91, 0.0), (1.25, 0.25), (0.75, -0.25), (3.25, 0.25), (2.75, -0.25)],
+)
+def test_a_sync_that_left_its_scan_says_by_how_much(
+    monkeypatch: pytest.MonkeyPatch, periods: float, spread: float
+) -> None:
+    """Later, or earlier: the way of a sound axis between two readings is longer, or shorter, by so much."""
+    bench = Bench().open().enable()
+    now_s = [bench.link.now_s()]
+    bench.link.stepped = False
+    monkeypatch.setattr(bench.link, "now_s", lambda: now_s[0])
+    for each, expected in ((1.0, 0.0), (periods, spread)):
+        now_s[0] += each * SYNC_S
+        assert bench.scan().spread_scans == pytest.approx(expected, abs=1e-9)
+
+
+def test_each_counter_has_its_own_name() -> None:
+    """A bad bus, a slow drive and another sender are told apart by them."""
+    bench = Bench().open()
+    drive, (first, *_) = bench.drive, bench.drive.process.watches
+    names = ("received", "missed", "late", "duplicated", "wrong_length", "longest_age", "contradicted")
+    for number, name in enumerate(names, 101):
+        setattr(first, name, number)
+    drive.node.heartbeat_age, drive.scan, drive.node.boots, drive.node.foreign = 11, 12, 13, 14
+    drive.link.refused, drive.link.queue_full, drive.link.bus_offs, drive.link.passives = 15, 16, 17, 18
+    drive.node.emergencies.take(bytes.fromhex("10 23 02"), 1)
+    drive.node.emergencies.take(bytes.fromhex("00 00 00"), 2)
+    found = drive.health()
+    of_first = [getattr(found, "longest_age_scans" if name == "longest_age" else name)[0] for name in names]
+    assert of_first == list(range(101, 108))
+    assert (found.heartbeat_age_scans, found.scans, found.boots, found.foreign) == (11, 12, 13, 14)
+    assert (found.refused, found.queue_full, found.bus_offs, found.passives) == (15, 16, 17, 18)
+    # The end of an error is counted and is no message.
+    assert (found.emergencies, [text[:9] for text in found.messages]) == (2, ["EMCY 2310"])
+    drive.close()

@@ -129,6 +129,21 @@ def test_the_bits_of_the_encoder(word: str, flag: EncoderFlag) -> None:
     assert bus.sync(*BOTH, (0x382, word)).encoder_flags == flag
 
 
+def test_a_bit_that_the_encoder_has_not_means_nothing() -> None:
+    status = m.Signal(0x2110, 5, 16, False)
+    bus = Telegrams(ALL, status, encoder=EncoderStatus(0x2110, 5, 2, alarm=1))
+    assert bus.sync(*BOTH, (0x382, "0F 00")).encoder_flags == EncoderFlag.ALARM
+
+
+def test_a_telegram_that_comes_after_its_scan_counts_at_once() -> None:
+    """The drive answers late: its position is used with the age that it has, and not left until the next one."""
+    bus = Telegrams()
+    bus.sync(*BOTH)
+    assert (bus.sync(BOTH[1]).age, bus.image.counts) == (1, TURN)
+    bus.node.dispatch(Frame(0x182, bytes.fromhex("37 12 00 00 10 00 9C FF")))
+    assert (bus.image.age, bus.image.counts) == (0, 2 * TURN)
+
+
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_missing_position_goes_on_the_way_that_the_motor_turns(inverted: bool) -> None:
     """Minus one turn a second: 2097 increments in 4 ms, 15 729 in the 30 ms after which nothing is bridged."""
@@ -318,6 +333,11 @@ def test_a_bus_that_is_down_is_told_and_before_the_first_command_nothing_else() 
     for frame in ((0x702, "00"), (0x000, "80 00")):
         node.dispatch(Frame(frame[0], bytes.fromhex(frame[1])))
     assert connection_flags(node, LinkFlag.NONE, commanded=False, timeout_scans=1) == LinkFlag.NONE
+    # With the first command a new run begins, and what came before is forgotten.
+    node.forget_boots()
+    node.state = NmtState.OPERATIONAL
+    assert (node.boots, node.foreign, node.foreign_id, node.heartbeat_age) == (0, 0, -1, 0)
+    assert connection_flags(node, LinkFlag.NONE, commanded=True, timeout_scans=1) == LinkFlag.NONE
 
 
 class Broken(can.BusABC):
@@ -373,6 +393,18 @@ def test_silence_is_no_missing_object() -> None:
     with pytest.raises(SdoError) as raised:
         client(Wire()).optional(0x6041)
     assert raised.value.silent
+
+
+def test_a_write_is_sent_once_and_a_read_three_times() -> None:
+    """A command whose answer was lost has been carried out, for all that is known."""
+    for times, ask in (
+        (1, lambda sdo: sdo.set(0x6040, 0, 0x80)),
+        (3, lambda sdo: sdo.number(0x6041)),
+    ):
+        wire = Wire()
+        with pytest.raises(SdoError):
+            ask(client(wire))
+        assert len(wire.sent) == times
 
 
 @pytest.mark.parametrize(

@@ -253,7 +253,10 @@ def connection_flags(
         commanded: the master runs the node, so no restart or change of state is intended.
         timeout_scans: scans without a heartbeat until it counts as lost; None where it sends none.
     """
-    flags = before & LATCHED | node.link.trouble
+    # Operators of flags are Python: nearly every scan has none.
+    flags = node.link.trouble
+    if before:
+        flags |= before & LATCHED
     if node.link.down:
         flags |= LinkFlag.BUS_DOWN
     if not commanded:

@@ -48,7 +48,6 @@ class Neighbours:
         self.inputs = InputReader(settings.inputs, None if io is None else io.inputs)
         self.outputs = OutputWriter(settings)
         self._old_scans = max(3, int(_BRIDGED_S / settings.period_s + 1e-9))
-        self._ring_received = 0
 
     def _remote(self, drive: RemoteNode, node: int) -> RemoteNode:
         return RemoteNode(drive.link, node, drive.master_node, self._settings.sdo_timeout_s, beside=drive)
@@ -63,9 +62,9 @@ class Neighbours:
             self.io.node.open()
         if self.encoder is not None:
             self.encoder.open()
+            self._ring = self.encoder.angle
         elif (encoder := self._settings.load_encoder) is not None:
             self._ring = RingAngle(encoder, encoder.counts_per_turn, self._settings.period_s)
-            self._ring_received = 0
         self.outputs = OutputWriter(self._settings)
 
     def release(self) -> None:
@@ -103,6 +102,8 @@ class Neighbours:
         """SYNC goes out, `periods` after the one before."""
         for node in self.nodes:
             node.begin(periods)
+        if self._ring is not None:
+            self._ring.begin(periods)
 
     def resume(self) -> None:
         """Start all nodes again after an intended silence.
@@ -185,11 +186,9 @@ class Neighbours:
             return self.encoder.angle_rad()
         if self._ring is None:
             return 0.0
-        raw, age, received = process.ring
-        if received != self._ring_received:
-            self._ring.take(raw, max(1, received - self._ring_received))
-            self._ring_received = received
-        return math.nan if age >= self._old_scans else self._ring.after(age)
+        raw, age = process.ring
+        angle = self._ring.read(raw, age)
+        return math.nan if age >= self._old_scans else angle
 
     def send(self, output: OutputImage, brake_released: bool, well: bool) -> None:
         """Take the outputs of a scan and send those of the I/O node."""

@@ -38,6 +38,22 @@ class RingAngle:
         self._unwrap = Unwrap(range_counts)
         self._shift: int | None = None
         self._angle = self._vel = math.nan
+        self._since = 0
+
+    def begin(self, periods: int) -> None:
+        """SYNC goes out, `periods` after the one before."""
+        self._since += periods
+
+    def read(self, raw: int, age: int) -> float:
+        """Angle at this scan's SYNC, rad; NaN before the first reading.
+
+        Args:
+            raw: newest reading. age: scans since it was sampled.
+        """
+        if age < self._since:
+            self.take(raw, self._since - age)
+            self._since = age
+        return self.after(age)
 
     def take(self, raw: int, scans: int) -> None:
         """Take a reading, so many scans after the one before."""
@@ -67,6 +83,7 @@ class RingEncoder:
 
     Attributes:
         node: the connection.
+        angle: its readings, of the node that was opened last.
     """
 
     def __init__(
@@ -82,11 +99,7 @@ class RingEncoder:
         self.node = BusNode(
             remote, settings, "encoder", mapping, objects, in_time, encoder.counts_per_turn // _NOISE
         )
-        self._begin(SPAN_32)
-
-    def _begin(self, range_counts: int) -> None:
-        self._angle = RingAngle(self._encoder, range_counts, self._settings.period_s)
-        self._received, self._age, self._alarm = 0, 1, False
+        self.angle = RingAngle(encoder, SPAN_32, settings.period_s)
 
     def open(self) -> None:
         """Set the node up; its range is what 6501 and 6502 say.
@@ -103,17 +116,12 @@ class RingEncoder:
                 f"node {self.node.remote.node}: the encoder has {span} steps (6501, 6502), [can.load_encoder] "
                 f"counts_per_turn says {encoder.counts_per_turn} for a turn of the axis"
             )
-        self._begin(min(span, SPAN_32))
+        self.angle = RingAngle(encoder, min(span, SPAN_32), self._settings.period_s)
 
     def angle_rad(self) -> float:
         """Angle at this scan's SYNC; NaN for a reading that is not to be believed."""
         watch = self.node.watch
         if self.node.lost or watch.data is None:
             return math.nan
-        if watch.received != self._received:
-            self._received = watch.received
-            self._angle.take(int.from_bytes(watch.data[:4], "little"), max(1, self._age - watch.age))
-            self._alarm = any(watch.data[4:6])
-            self._age = watch.age
-        self._age = watch.age + 1
-        return math.nan if self._alarm else self._angle.after(watch.age)
+        angle = self.angle.read(int.from_bytes(watch.data[:4], "little"), watch.age)
+        return math.nan if any(watch.data[4:6]) else angle

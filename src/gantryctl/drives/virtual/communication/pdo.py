@@ -218,7 +218,10 @@ class ProcessData:
         self._pdos: tuple[Rpdo | Tpdo, ...] = (*self.rpdos, *self.tpdos)
         self.operational = False
         self._last_sync_us = 0
+        self.sync_id = 0
+        """Identifier of SYNC: every frame is compared with it."""
         od.checks[0x1005, 0] = _check_sync_id
+        od.actions[0x1005, 0] = lambda _: self._take_sync_id()
         self._hook()
         self.reload()
 
@@ -238,18 +241,17 @@ class ProcessData:
         """Take over all parameters, after a reset."""
         for pdo in self._pdos:
             pdo.reload()
+        self._take_sync_id()
         self._route()
+
+    def _take_sync_id(self) -> None:
+        self.sync_id = self._od.number(0x1005) & ID_MASK
 
     def _route(self) -> None:
         self._by_id = {rpdo.can_id: rpdo for rpdo in self.rpdos if rpdo.can_id is not None}
         timed = (rpdo for rpdo in self._by_id.values() if rpdo.parameters.event_us)
         self._timed = tuple(timed) if self._deadlines else ()
         self._events = tuple(t for t in self.tpdos if t.can_id is not None and not 0 < t.type <= 240)
-
-    @property
-    def sync_id(self) -> int:
-        """Identifier of SYNC."""
-        return self._od.number(0x1005) & ID_MASK
 
     @property
     def command_us(self) -> int:

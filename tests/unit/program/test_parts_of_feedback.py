@@ -1,0 +1,359 @@
+"""The monitors of the encoder on both sides of their limits, both ways, at each scan period; figures by hand.
+
+The reference machine: 1144 motor turns, 2^22 counts each, 6 deg/s, quick stop 5.5 deg/s2; full torque and brake change
+the speed of the bare rotor by 169 deg/s2.
+"""
+
+import math
+
+import pytest
+
+from gantryctl.image import DriveFeedback, DriveState, EncoderFlag, LinkFlag
+from gantryctl.program import Reaction
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.feedback import Feedback
+from gantryctl.units import rad
+from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+from unit.program.rig import COUNTS_PER_DEG, RATIO, ZERO_COUNTS
+
+approx = pytest.approx
+ROTOR = {"speed_change_max_rad_s2": rad(169.0), "speed_change_per_torque": rad(0.08)}
+ON, OFF = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED
+
+
+class Encoder(Parts):
+    """A reading that turns on with a speed, until a test changes something of it."""
+
+    def __init__(self, period_s=0.001, speed_deg_s=0.0, *, state=ON, **arguments):
+        super().__init__(period_s, **arguments)
+        self.feedback = Feedback(self.settings, self.alarms)
+        self.speed_deg_s, self.pos_deg = speed_deg_s, 10.0
+        self.said = {"state": state, "brake_open": state is ON, "torque_act_nm": 0.0}
+        self.command_deg_s = speed_deg_s
+        for _ in range(20):
+            self.scan()
+        assert self.codes == []
+
+    def scan(self, *, step_deg=0.0, counts=None, speed_deg_s=None, **said):
+        """A scan in which the reading makes a step beside the way of its speed."""
+        self.alarms.scan += self.feedback.periods
+        self.pos_deg += self.speed_deg_s * self.period_s * self.feedback.periods + step_deg
+        fields = {
+            "pos_act_counts": round(ZERO_COUNTS + self.pos_deg * COUNTS_PER_DEG) if counts is None else counts,
+            "vel_act_rad_s": rad(self.speed_deg_s if speed_deg_s is None else speed_deg_s) * RATIO,
+            "torque_limited": False, "overload": 0.0,
+        }  # fmt: skip
+        self.feedback.scan(DriveFeedback(**(fields | self.said | said)), rad(self.command_deg_s) * RATIO)
+
+    @property
+    def read_deg(self):
+        return (self.feedback.counts - ZERO_COUNTS) / COUNTS_PER_DEG
+
+
+@BOTH
+@pytest.mark.parametrize("speed_deg_s", [0.0, 6.0, -6.0])
+@pytest.mark.parametrize(
+    ("period_s", "most_deg"), [(0.001, 0.022), (0.004, 0.028), (0.010, 0.040), (0.020, 0.045)]
+)
+def test_a_jump_is_0_02_deg_and_what_2_deg_s_make_in_a_scan(period_s, most_deg, speed_deg_s, way):
+    """Never more than 0.045 deg, also where the scan is long."""
+    for more, jumps in ((-0.0005, False), (0.0005, True)):
+        encoder = Encoder(period_s, speed_deg_s)
+        encoder.scan(step_deg=way * (most_deg + more))
+        assert ("ENC-01" in encoder.codes) is jumps
+        assert encoder.feedback.in_doubt is (jumps or (most_deg == 0.045 and bool(encoder.codes)))
+        if jumps:
+            assert encoder.reaction("ENC-01") is Reaction.TORQUE_OFF
+            values = encoder.alarms.active[Code.ENC_01].values
+            assert (values["measured"], values["limit"]) == (
+                approx(most_deg + more, abs=1e-4),
+                approx(most_deg),
+            )
+
+
+@BOTH
+@pytest.mark.parametrize("missed", [2, 5])
+def test_over_missed_scans_the_way_of_the_speed_is_no_jump_and_a_jump_is_one(missed, way):
+    for step_deg, jumps in ((0.0, False), (0.021, False), (0.023, True)):
+        encoder = Encoder(speed_deg_s=6.0 * way)
+        encoder.feedback.periods = missed
+        encoder.scan(step_deg=way * step_deg)
+        assert ("ENC-01" in encoder.codes) is jumps
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("off_deg_s", "told_s"), [(0.14, math.inf), (0.16, 0.83)])
+def test_a_position_that_leaves_its_speed_by_0_045_deg_is_of_another_encoder(
+    period_s, way, off_deg_s, told_s
+):
+    """What they differ by is forgotten with 0.3 s: 0.15 deg/s come to 0.045 deg in the end, 0.16 after 0.83 s."""
+    for sign in (1.0, -1.0):
+        encoder = Encoder(period_s, sign * 3.0)
+        seconds = encoder.after(
+            lambda e=encoder, s=sign: e.scan(speed_deg_s=s * 3.0 + way * off_deg_s), most_s=4.0
+        )
+        assert seconds == (math.inf if told_s == math.inf else approx(told_s, rel=0.06))
+        assert encoder.codes == ([] if told_s == math.inf else ["ENC-12"])
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("period_s", "by_drive", "any_way"), [(0.001, 0.2055, 0.369), (0.004, 0.222, 0.876), (0.010, 0.255, 1.89)]
+)
+def test_a_speed_cannot_change_by_more_than_the_ramp_or_torque_and_brake_make(
+    period_s, by_drive, any_way, way
+):
+    """0.2 deg/s of resolution, and 5.5 deg/s2 of an enabled drive without torque; 169 deg/s2 behind the brake."""
+    rows = [
+        ({}, by_drive),
+        ({"brake_open": False}, any_way),
+        ({"state": OFF}, any_way),
+        # Torque in the direction of the change: 0.08 deg/s2 for each N m.
+        ({"torque_act_nm": way * 100.0}, min(any_way, by_drive + 8.0 * period_s)),
+        ({"torque_act_nm": -way * 100.0}, by_drive),
+    ]
+    for said, most in rows:
+        for share, wrong in ((0.99, False), (1.01, True)):
+            encoder = Encoder(period_s, 3.0, monitors=ROTOR)
+            encoder.scan(speed_deg_s=3.0 + way * share * most, **said)
+            assert ("ENC-14" in encoder.codes) is wrong, (said, share)
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("speed_deg_s", "wrong"), [(20.9, False), (21.1, True)])
+def test_twice_the_highest_speed_of_the_motor_is_no_reading(period_s, way, speed_deg_s, wrong):
+    """And the speed of before stands in for it."""
+    encoder = Encoder(period_s)
+    # A warning of the encoder lets every reading be looked at closely.
+    encoder.scan(speed_deg_s=way * speed_deg_s, encoder=EncoderFlag.WARNING)
+    assert ("ENC-14" in encoder.codes) is wrong
+    if wrong:
+        assert encoder.feedback.vel_rad_s == 0.0
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("command_deg_s", "told"), [(0.099, False), (0.101, True)])
+def test_a_count_that_stands_for_30_ms_while_a_speed_is_commanded_is_frozen(
+    period_s, way, command_deg_s, told
+):
+    encoder = Encoder(period_s)
+    encoder.command_deg_s = way * command_deg_s
+    seconds = encoder.after(encoder.scan, most_s=0.2)
+    assert seconds == (approx(in_scans(0.030, period_s)) if told else math.inf)
+    assert encoder.codes == (["ENC-02"] if told else [])
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("period_s", "by_drive", "by_brake"),
+    [(0.001, 0.122, 0.1845), (0.004, 0.188, 0.438), (0.010, 0.320, 0.945)],
+)
+def test_a_count_that_stands_after_a_speed_that_nothing_could_have_taken_away_is_frozen(
+    period_s, by_drive, by_brake, way
+):
+    """0.1 deg/s, and four times 5.5 deg/s2 of a drive, or half of 169 with the brake closed, within a scan."""
+    for brake_open, limit in ((True, by_drive), (False, by_brake)):
+        for share, told in ((0.98, False), (1.02, True)):
+            free = {"encoder_drift_max_rad": math.inf, "speed_change_base_rad_s": rad(10.0)}
+            encoder = Encoder(period_s, way * share * limit, monitors=ROTOR | free)
+            encoder.said["brake_open"] = brake_open
+            encoder.scan()
+            assert encoder.codes == []
+            encoder.command_deg_s = encoder.speed_deg_s = 0.0
+            seconds = encoder.after(encoder.scan, most_s=0.2)
+            assert (seconds == approx(in_scans(0.030, period_s))) is told, (brake_open, share, seconds)
+
+
+def test_a_count_that_moves_again_counts_anew():
+    encoder = Encoder()
+    encoder.command_deg_s = 1.0
+    for _ in range(5):
+        for _ in range(29):
+            encoder.scan()
+        encoder.scan(step_deg=1e-5)
+    assert encoder.codes == []
+
+
+@PERIODS
+@pytest.mark.parametrize(("every_s", "stops"), [(0.040, True), (0.060, False)])
+def test_three_bad_readings_in_a_tenth_of_a_second_stop(period_s, every_s, stops):
+    every = round(every_s / period_s)
+    encoder = Encoder(period_s, 3.0)
+    for scan in range(4 * every):
+        bad = scan % every == 0
+        encoder.scan(
+            encoder=EncoderFlag.CRC_ERROR if bad else EncoderFlag.NONE, **({"counts": 12345} if bad else {})
+        )
+        if not encoder.feedback.in_doubt:
+            assert encoder.read_deg == approx(encoder.pos_deg, abs=1e-4), "the prediction of one scan"
+    assert ("ENC-04" in encoder.codes) is stops
+    assert encoder.feedback.in_doubt is stops
+
+
+def test_a_bad_reading_over_missed_scans_is_predicted_over_them():
+    encoder = Encoder(0.001, -6.0)
+    encoder.feedback.periods = 4
+    encoder.scan(encoder=EncoderFlag.CRC_ERROR, counts=0)
+    assert encoder.read_deg == approx(encoder.pos_deg, abs=1e-5)
+    assert encoder.codes == ["ENC-03"]
+
+
+@pytest.mark.parametrize(
+    ("flag", "codes"),
+    [
+        (LinkFlag.BUS_DOWN, ["CAN-08"]),
+        (LinkFlag.BUS_DOWN | LinkFlag.BUS_OFF, ["CAN-08"]),
+        (LinkFlag.BUS_DOWN | LinkFlag.QUEUE_FULL, ["CAN-08"]),
+        (LinkFlag.RESTARTED, ["DRV-11"]),
+        (LinkFlag.HEARTBEAT_LOST, ["CAN-06"]),
+        (LinkFlag.NOT_OPERATIONAL, ["CAN-13"]),
+        (LinkFlag.OTHER_MASTER, ["CAN-12"]),
+        (LinkFlag.TWO_SENDERS, ["CAN-14"]),
+        (LinkFlag.IO_LOST, ["CAN-16"]),
+        (LinkFlag.LOAD_ENCODER_LOST, ["CAN-16"]),
+        (LinkFlag.WRONG_MODE, ["DRV-06"]),
+        (LinkFlag.STALE_TARGET, ["DRV-08"]),
+        (LinkFlag.LOCAL_CONTROL, ["DRV-05"]),
+        (LinkFlag.IGNORES_COMMAND, ["DRV-05"]),
+        (LinkFlag.NEVER_FOLLOWED, ["DRV-05"]),
+        (LinkFlag.OVERLOADED, ["CAN-10"]),
+        (LinkFlag.WRONG_LENGTH, ["CAN-04"]),
+        (LinkFlag.SYNC_UNSEEN, ["CAN-01"]),
+        (LinkFlag.EMERGENCY, ["DRV-12"]),
+        (LinkFlag.EMERGENCY_FLOOD, ["CAN-09"]),
+        (LinkFlag.SYNC_JITTER, ["CAN-02"]),
+        (LinkFlag.ERROR_PASSIVE, ["CAN-15"]),
+        (LinkFlag.QUEUE_FULL, ["CAN-15"]),
+        # The first cause is told, the others follow from it; another master locks whatever else is wrong.
+        (LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.WRONG_MODE, ["DRV-11"]),
+        (LinkFlag.HEARTBEAT_LOST | LinkFlag.OTHER_MASTER, ["CAN-06", "CAN-12"]),
+        (LinkFlag.LATE, []),
+    ],
+    ids=str,
+)
+def test_each_fault_of_the_connection_has_its_alarm_in_the_first_scan(flag, codes):
+    encoder = Encoder(speed_deg_s=0.6)
+    encoder.scan(link=flag)
+    assert encoder.codes == codes
+
+
+@pytest.mark.parametrize(
+    "flag", [LinkFlag.BUS_DOWN, LinkFlag.RESTARTED, LinkFlag.HEARTBEAT_LOST, LinkFlag.NOT_OPERATIONAL]
+)
+@pytest.mark.parametrize("age", [0, 1])
+def test_an_old_reading_of_a_lost_drive_is_in_doubt(flag, age):
+    encoder = Encoder(speed_deg_s=0.6)
+    encoder.scan(link=flag, age_scans=age)
+    assert encoder.feedback.in_doubt is (age > 0)
+
+
+@PERIODS
+def test_the_state_of_a_drive_that_is_not_heard_is_unknown_after_30_ms_and_the_motor_may_have_torque(
+    period_s,
+):
+    encoder = Encoder(period_s, 0.6)
+    old = math.floor(0.030 / period_s + 1e-9)  # 30, 7 and 3 scans
+    for age in range(1, old):
+        encoder.scan(link=LinkFlag.LATE, age_scans=age)
+        assert encoder.feedback.state is ON
+    assert encoder.codes == []
+    encoder.scan(link=LinkFlag.LATE, age_scans=old)
+    assert encoder.codes == ["CAN-03"]
+    values = encoder.alarms.active[Code.CAN_03].values
+    assert (values["time_ms"], values["limit"]) == (
+        approx(1e3 * old * period_s),
+        approx(1e3 * old * period_s),
+    )
+    assert encoder.feedback.state is DriveState.UNKNOWN
+    assert encoder.feedback.state_old
+    assert encoder.feedback.energised
+    assert not encoder.feedback.position_valid
+    encoder.scan(state=OFF)
+    assert not encoder.feedback.state_old
+    assert not encoder.feedback.energised
+
+
+@PERIODS
+def test_inputs_that_do_not_come_are_told_after_30_ms(period_s):
+    encoder = Encoder(period_s, 0.6)
+    old = math.floor(0.030 / period_s + 1e-9)
+    encoder.scan(link=LinkFlag.LATE, inputs_age_scans=old - 1)
+    assert encoder.codes == []
+    assert encoder.feedback.brake_known
+    encoder.scan(link=LinkFlag.LATE, inputs_age_scans=old)
+    assert encoder.codes == ["CAN-03"]
+    assert not encoder.feedback.brake_known
+    assert encoder.feedback.state is ON
+
+
+@PERIODS
+def test_a_speed_is_known_while_it_or_the_position_is_not_too_old(period_s):
+    encoder = Encoder(period_s, 0.6)
+    old = math.floor(0.030 / period_s + 1e-9)
+    for age, speed_age, known in ((0, old, True), (old, 0, True), (old - 1, old, True), (old, old, False)):
+        encoder.scan(age_scans=age, speed_age_scans=speed_age)
+        assert encoder.feedback.speed_known is known, (age, speed_age)
+
+
+@BOTH
+def test_at_rest_is_slower_than_a_fiftieth_of_a_degree_per_second(way):
+    parts = Parts()
+    for speed_deg_s, slow in ((0.0199, True), (0.0201, False), (math.nan, False)):
+        parts.turn(way * speed_deg_s)
+        assert parts.feedback.slow is slow
+
+
+@pytest.mark.parametrize(
+    ("before", "energised"),
+    [(ON, True), (DriveState.QUICK_STOP_ACTIVE, True), (DriveState.FAULT_REACTION_ACTIVE, True), (OFF, False),
+     (DriveState.SWITCHED_ON, False), (DriveState.FAULT, False)],
+)  # fmt: skip
+def test_a_motor_has_torque_as_long_as_nobody_knows_better(before, energised):
+    encoder = Encoder(state=before)
+    assert encoder.feedback.energised is energised
+    encoder.scan(state=DriveState.UNKNOWN)
+    assert encoder.feedback.energised is energised
+
+
+@pytest.mark.parametrize(("battery", "doubted"), [(True, True), (False, False)])
+def test_an_empty_battery_at_the_start_leaves_the_angle_unknown(battery, doubted):
+    parts = Parts(monitors={"encoder_battery": battery})
+    feedback = Feedback(parts.settings, parts.alarms)
+    reading = DriveFeedback(OFF, float(ZERO_COUNTS), 0.0, 0.0, False, False, 0.0, EncoderFlag.BATTERY)
+    feedback.scan(reading, 0.0)
+    assert feedback.in_doubt is doubted
+    assert parts.codes == (["ENC-13"] if battery else [])
+
+
+def test_an_empty_battery_of_an_encoder_with_its_supply_is_a_warning():
+    encoder = Encoder(monitors={"encoder_battery": True})
+    encoder.scan(encoder=EncoderFlag.BATTERY)
+    assert encoder.codes == ["ENC-13"]
+    assert not encoder.feedback.in_doubt
+
+
+def test_an_angle_that_service_has_compared_is_valid_and_counts_its_faults_anew():
+    encoder = Encoder(speed_deg_s=0.0)
+    for _ in range(2):
+        encoder.scan(encoder=EncoderFlag.CRC_ERROR)
+    encoder.scan(counts=math.nan)
+    assert encoder.feedback.in_doubt
+    encoder.feedback.accept_position()
+    encoder.alarms.clear()
+    assert encoder.feedback.position_valid
+    encoder.scan(encoder=EncoderFlag.CRC_ERROR)
+    assert encoder.codes == ["ENC-03"]
+    assert encoder.feedback.position_valid
+
+
+@BOTH
+def test_a_drift_of_before_counts_no_more_when_the_angle_was_accepted(way):
+    encoder = Encoder(speed_deg_s=0.0)
+    for _ in range(2):
+        encoder.scan(step_deg=way * 0.021)
+    encoder.feedback.accept_position()
+    encoder.scan(step_deg=way * 0.021)
+    assert encoder.codes == []

@@ -1,0 +1,184 @@
+"""The second encoder, and the turns of a modulo axis behind it; by a law that shows what it was given."""
+
+import math
+from fractions import Fraction
+from types import SimpleNamespace
+
+import pytest
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.axis.load_side import LoadSide
+from gantryctl.program.settings import CompensationSettings
+from gantryctl.units import deg, rad
+from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+
+approx = pytest.approx
+TURN_COUNTS = 360_000.0
+
+
+class Law:
+    """A law that keeps what it was asked, and answers what a test says."""
+
+    def __init__(self):
+        self.asked, self.turned_rad, self.pos_rad = [], [], 0.0
+        self.torque_nm = self.disagreement_rad = self.change_nm = 0.0
+
+    def copy(self):
+        return self
+
+    def scan(self, _law, ref, vel, acc, counts, ring, torque):
+        self.asked.append(SimpleNamespace(ref=ref, vel=vel, acc=acc, counts=counts, ring=ring, torque=torque))
+        return 1.0, self.pos_rad, 0.0, self.torque_nm, self.disagreement_rad, self.change_nm
+
+    scan_again = scan
+
+    def restart(self):
+        pass
+
+    def forget_bias(self):
+        pass
+
+    def resting_position(self, _law, _counts):
+        return self.pos_rad
+
+    def turn_back(self, angle_rad):
+        self.turned_rad.append(angle_rad)
+
+
+def load_side(period_s=0.001, *, modulo=False, **said):
+    parts, law = Parts(period_s), Law()
+    if modulo:
+        turning = SimpleNamespace(turn_counts=Fraction(int(TURN_COUNTS)))
+        parts.settings = SimpleNamespace(
+            law=turning, power=parts.settings.power, scans=parts.settings.scans, period_s=period_s
+        )
+    compensation = CompensationSettings(law, **said)
+    side = LoadSide(parts.settings, compensation, None, parts.feedback, parts.alarms)
+    return parts, law, side
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("degrees", "told"), [(0.0499, False), (0.0501, True), (math.nan, True)])
+def test_two_encoders_may_disagree_by_0_05_deg_and_by_more_for_20_ms(period_s, way, degrees, told):
+    parts, law, side = load_side(period_s, load_encoder=True)
+    law.disagreement_rad = way * rad(degrees)
+    seconds = parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=0.2)
+    assert seconds == (approx(in_scans(0.020, period_s)) if told else math.inf)
+    assert parts.codes == (["ENC-07"] if told else [])
+    assert parts.feedback.in_doubt is told
+
+
+def test_a_disagreement_counts_in_a_row_and_anew_when_the_axis_follows_again():
+    parts, law, side = load_side(load_encoder=True)
+    for again in (lambda: side.scan(parts.virtual, 0.0), side.begin):
+        law.disagreement_rad = rad(1.0)
+        for _ in range(19):
+            side.scan(parts.virtual, 0.0)
+        law.disagreement_rad = 0.0
+        again()
+    assert parts.codes == []
+
+
+def test_an_encoder_that_nobody_reads_disagrees_with_nothing():
+    parts, law, side = load_side()
+    law.disagreement_rad = math.nan
+    assert parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=0.1) == math.inf
+
+
+@PERIODS
+@pytest.mark.parametrize(("change_nm", "told"), [(999.0, False), (1001.0, True)])
+def test_a_moment_beyond_what_a_person_expects_is_told_after_5_s(period_s, change_nm, told):
+    parts, law, side = load_side(period_s, moment_limit_nm=1000.0)
+    law.change_nm = change_nm
+    seconds = parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=6.0)
+    assert seconds == (approx(5.0, abs=1.01 * period_s) if told else math.inf)
+    if told:
+        assert parts.alarms.active[Code.CTL_19].values == {"measured": approx(1.001), "limit": approx(1.0)}
+    # A second without it, and it counts anew.
+    parts, law, side = load_side(period_s, moment_limit_nm=1000.0)
+    for scan in range(round(8.0 / period_s)):
+        law.change_nm = 0.0 if scan == round(4.0 / period_s) else 2000.0
+        side.scan(parts.virtual, 0.0)
+    assert parts.codes == []
+
+
+def test_the_torque_of_a_law_is_that_of_a_following_axis_only():
+    parts, law, side = load_side()
+    law.torque_nm = 7.0
+    side.scan(parts.virtual, 0.0)
+    assert side.torque_ff_nm == 7.0
+    side.resting(0.0)
+    assert side.torque_ff_nm == 0.0
+
+
+@BOTH
+def test_the_laws_count_from_the_turn_that_the_set_point_is_in(way):
+    """It changes at 216 deg, a tenth of a turn beyond +-180, so that nothing goes to and fro there."""
+    parts, law, side = load_side(modulo=True)
+    for degrees, turns in (
+        (179.0, 0),
+        (181.0, 0),
+        (215.0, 0),
+        (217.0, 1),
+        (181.0, 1),
+        (145.0, 1),
+        (143.0, 0),
+    ):
+        parts.virtual.pos_ref_rad = rad(way * degrees)
+        law.pos_rad = rad(1.0)
+        _, pos, _ = side.scan(parts.virtual, way * degrees * 1000.0)
+        asked = law.asked[-1]
+        assert deg(asked.ref) == approx(way * (degrees - 360.0 * turns))
+        assert asked.counts == approx(way * 1000.0 * (degrees - 360.0 * turns))
+        assert deg(pos) == approx(1.0 + way * 360.0 * turns)
+    assert [deg(angle) for angle in law.turned_rad] == approx([way * 360.0, -way * 360.0])
+
+
+@BOTH
+def test_an_encoder_of_one_turn_goes_round_with_the_axis(way):
+    parts, law, side = load_side(modulo=True)
+    parts.virtual.pos_ref_rad = rad(way * 190.0)
+    for ring_deg, shown_deg in ((-170.0, 190.0), (190.0, 190.0), (-529.9, 190.1)):
+        parts.feedback.pos_ring_rad = rad(way * ring_deg)
+        side.scan(parts.virtual, 0.0)
+        assert deg(law.asked[-1].ring) == approx(way * shown_deg)
+    parts.feedback.pos_ring_rad = math.nan
+    side.scan(parts.virtual, 0.0)
+    assert math.isnan(law.asked[-1].ring)
+
+
+@BOTH
+def test_a_zero_that_has_moved_on_by_turns_changes_nothing_for_the_laws(way):
+    parts, law, side = load_side(modulo=True)
+    parts.virtual.pos_ref_rad = rad(way * 725.0)
+    side.scan(parts.virtual, way * 725_000.0)
+    before = law.asked[-1]
+    turned = list(law.turned_rad)
+    side.turn_back(int(way * 2))
+    parts.virtual.pos_ref_rad = rad(way * 5.0)
+    _, pos, _ = side.scan(parts.virtual, way * 5000.0)
+    assert deg(law.asked[-1].ref) == approx(deg(before.ref)) == approx(way * 5.0)
+    assert law.asked[-1].counts == approx(before.counts)
+    assert pos == approx(0.0)
+    assert law.turned_rad == turned
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("ring_deg", "added_deg"), [(-175.0, 360.0), (179.0, 0.0), (1.0, 0.0), (-1.0, 360.0), (math.nan, 0.0)]
+)
+def test_an_encoder_that_shows_another_turn_at_rest_is_read_in_that_of_the_motor(way, ring_deg, added_deg):
+    """The motor says 180 deg; 181 deg of difference are a turn, 179 are two encoders that disagree."""
+    parts, law, side = load_side(load_encoder=True)
+    law.pos_rad = rad(way * 180.0)
+    parts.feedback.pos_ring_rad = rad(way * ring_deg)
+    assert side.resting(0.0) == law.pos_rad
+    parts.virtual.pos_ref_rad = law.pos_rad
+    side.scan(parts.virtual, 0.0)
+    assert deg(law.asked[-1].ring) == approx(way * (ring_deg + added_deg), nan_ok=True)
+    # Two that agree again need no turn.
+    parts.feedback.pos_ring_rad = law.pos_rad
+    side.resting(0.0)
+    side.scan(parts.virtual, 0.0)
+    assert deg(law.asked[-1].ring) == approx(way * 180.0)

@@ -1,0 +1,131 @@
+"""A reading that stands or turns against the torque: on both sides of its limit, both ways; figures by hand.
+
+The reference machine: 385 N m at most, 257 rated, quick stop 5.5 deg/s2, permitted deviation of the speed 0.5 deg/s.
+"""
+
+import math
+
+import pytest
+
+from gantryctl.program.monitors.liveness import Liveness
+from gantryctl.units import rad
+from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+
+approx = pytest.approx
+
+# --- a reading that stands, or turns against the torque ---------------------------------------------------------------
+
+
+def lives(period_s=0.001, **monitors):
+    parts = Parts(period_s, monitors={"encoder_still_time_s": 0.5, "torque_still_max_nm": 15.0} | monitors)
+    return parts, Liveness(parts.settings, parts.feedback, parts.holding, parts.alarms)
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("torque_nm", "frozen"), [(26.9, False), (27.1, True), (math.nan, True)])
+def test_a_count_that_stands_under_more_torque_than_moves_the_shaft_is_frozen(
+    period_s, way, torque_nm, frozen
+):
+    """15 N m beside the 12 that hold the load, for 30 ms."""
+    parts, watch = lives(period_s)
+    parts.holding.mean_nm = way * 12.0
+    parts.feedback.torque_nm = way * torque_nm
+    seconds = parts.after(watch.stop, most_s=0.5)
+    # The first scan sees the count for the first time.
+    assert seconds == (approx(in_scans(0.030, period_s) + period_s) if frozen else math.inf)
+    assert parts.codes == (["ENC-02"] if frozen else [])
+    assert parts.feedback.in_doubt is frozen
+
+
+@PERIODS
+@pytest.mark.parametrize(("proven", "patience_s"), [(True, 0.500), (False, 0.050)])
+def test_a_count_that_stands_is_tried_harder_each_time_and_then_frozen(period_s, proven, patience_s):
+    """To and fro by 8, 64, 512 and 4096 counts, each way in 8 ms."""
+    parts, watch = lives(period_s)
+    tried, ways = [], []
+
+    def scan():
+        before, speed = watch.dithers, watch.vel_rad_s
+        watch.stand(proven=proven)
+        if watch.dithers > before:
+            tried.append(parts.alarms.scan * period_s)
+            ways.append(0.0)
+        if ways and watch.vel_rad_s > 0.0:
+            ways[-1] += watch.vel_rad_s * period_s
+        assert watch.vel_rad_s >= 0.0 or speed <= 0.0, "a scan of nothing between forth and back"
+
+    seconds = parts.after(scan, most_s=2.0)
+    assert parts.codes == ["ENC-02"]
+    assert tried[0] == approx(in_scans(patience_s, period_s) + period_s)
+    per_count = 2.0 * math.pi / 2**22
+    assert [way / per_count for way in ways] == approx([8.0, 64.0, 512.0, 4096.0])
+    assert seconds < patience_s + 4 * 0.016 + 40 * period_s
+
+
+def test_a_count_that_moves_at_the_first_try_lives():
+    parts, watch = lives()
+
+    def scan():
+        watch.stand(proven=True)
+        parts.feedback.counts += watch.vel_rad_s * parts.period_s * 2**22 / (2.0 * math.pi)
+
+    assert parts.after(scan, most_s=3.0) == math.inf
+    assert 4 <= watch.dithers <= 6
+    assert parts.feedback.counts == approx(parts.feedback.counts // 1, abs=8.0)
+
+
+def test_the_shaft_is_back_where_it_was_after_a_try():
+    _, watch = lives()
+    parts, watch = lives()
+    way = 0.0
+
+    def scan():
+        nonlocal way
+        watch.stand(proven=True)
+        way += watch.vel_rad_s * parts.period_s
+
+    parts.after(scan, lambda: watch.dithers == 2 and watch.vel_rad_s == 0.0, 1.0)
+    assert watch.dithers == 2
+    parts, watch = lives()
+    way = 0.0
+    parts.after(scan, lambda: watch.dithers == 2, 1.0)
+    assert way - watch.vel_rad_s * parts.period_s == approx(0.0, abs=1e-12)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("torque_nm", "limited", "growth", "wrong"),
+    [
+        (309.0, False, 0.16, True),
+        (307.0, False, 0.16, False),
+        (100.0, True, 0.16, True),
+        (309.0, False, 0.14, False),
+    ],
+)
+def test_a_speed_that_grows_against_80_percent_of_the_torque_is_of_the_wrong_sign(
+    way, torque_nm, limited, growth, wrong
+):
+    """308 of 385 N m, or the drive at its limit, and 0.15 deg/s more than the slowest."""
+    parts, watch = lives()
+    parts.feedback.torque_limited = limited
+    parts.feedback.torque_nm = -way * torque_nm
+    for scan, deg_s in enumerate((0.3, 0.2, 0.2 + 0.5 * growth, 0.2 + growth)):
+        parts.alarms.scan = 100 + scan
+        parts.turn(way * deg_s)
+        assert parts.feedback.torque_nm * parts.feedback.vel_rad_s < watch.against
+        watch.drive_against()
+    assert parts.codes == (["ENC-12"] if wrong else [])
+    assert parts.feedback.in_doubt is wrong
+
+
+def test_the_slowest_speed_is_that_of_the_same_push():
+    parts, watch = lives()
+    parts.feedback.torque_nm = -350.0
+    for scan, deg_s in ((100, 0.2), (101, 0.2), (103, 0.5), (104, 0.6)):
+        parts.alarms.scan = scan
+        parts.turn(deg_s)
+        watch.drive_against()
+    assert parts.codes == []
+    # 70 N m at 0.1 deg/s: less of it is never asked about.
+    assert watch.against == approx(-70.0 * rad(0.1))

@@ -1,0 +1,299 @@
+"""Torque and motion: each watch on both sides of its limit, both ways, at each scan period; figures by hand.
+
+The reference machine: 385 N m at most, 257 rated, quick stop 5.5 deg/s2, permitted deviation of the speed 0.5 deg/s.
+"""
+
+import math
+
+import pytest
+
+from gantryctl.image import DriveState
+from gantryctl.program import Reaction
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.monitors.torque import TorqueWatch
+from gantryctl.units import rad
+from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+
+approx = pytest.approx
+
+# --- torque and motion ------------------------------------------------------------------------------------------------
+
+
+def watched(parts, torque_nm=0.0):
+    parts.feedback.torque_nm = torque_nm
+    return TorqueWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+
+
+def at_speed(parts, deg_s, off_deg_s):
+    """The drive turns with a speed, so far from its command: what `scan` gets."""
+    parts.turn(deg_s)
+    return rad(off_deg_s)
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("off_deg_s", "torque_nm", "codes"),
+    [
+        (0.051, 5.1, ["DRV-13"]),
+        (0.049, 5.1, []),
+        (0.051, 5.2, []),
+        (0.051, -5.1, ["DRV-13"]),
+        (0.051, -5.2, []),
+    ],
+)
+def test_a_drive_that_leaves_its_command_with_no_torque_has_lost_it(
+    period_s, way, off_deg_s, torque_nm, codes
+):
+    """A tenth of the permitted deviation, and 2 % of 257 N m, for 50 ms."""
+    parts = Parts(period_s)
+    watch = watched(parts, way * torque_nm)
+    off = at_speed(parts, way * 3.0, -way * off_deg_s)
+    seconds = parts.after(lambda: watch.scan(off, 0.0), most_s=0.5)
+    assert parts.codes == codes
+    assert seconds == (approx(in_scans(0.050, period_s)) if codes else math.inf)
+
+
+def test_lost_torque_for_a_moment_is_none():
+    parts = Parts()
+    watch = watched(parts)
+    parts.turn(3.0)
+    for _ in range(5):
+        for _ in range(49):
+            watch.scan(rad(0.06), 0.0)
+        watch.scan(0.0, 0.0)
+    assert parts.codes == []
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("torque_nm", "reaction"),
+    [(154.0, None), (154.4, Reaction.W), (231.0, Reaction.W), (231.6, Reaction.QUICK_STOP)],
+)
+def test_a_load_that_needs_60_percent_warns_and_90_percent_stop(period_s, way, torque_nm, reaction):
+    parts = Parts(period_s)
+    watch = watched(parts, way * torque_nm)
+    seconds = parts.after(watch.standing, most_s=1.0)
+    if reaction is None:
+        assert seconds == math.inf
+        return
+    assert seconds == approx(in_scans(0.200, period_s))
+    assert parts.codes == ["CTL-06"]
+    assert parts.reaction("CTL-06") is reaction
+    assert parts.alarms.active[Code.CTL_06].values["torque"] == approx(torque_nm)
+
+
+def test_a_heavy_load_counts_in_a_row_and_with_a_torque_that_is_believed():
+    parts = Parts()
+    watch = watched(parts, 200.0)
+    for _ in range(150):
+        watch.standing()
+    watch._mean_nm = 100.0
+    watch.standing()
+    watch._mean_nm = 200.0
+    for _ in range(150):
+        watch.standing()
+    assert parts.codes == []
+    parts.holding.believed = False
+    assert parts.after(watch.standing, most_s=1.0) == math.inf
+    parts = Parts(torque_preload=False)
+    assert parts.after(watched(parts, 200.0).standing, most_s=1.0) == math.inf
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("torque_nm", "wrong"), [(25.6, False), (25.8, True), (math.nan, True)])
+def test_a_drive_that_is_off_gives_no_torque(period_s, way, torque_nm, wrong):
+    """A tenth of 257 N m for 100 ms."""
+    parts = Parts(period_s)
+    watch = watched(parts, way * torque_nm)
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    seconds = parts.after(watch.scan_released, most_s=0.5)
+    assert seconds == (approx(in_scans(0.100, period_s)) if wrong else math.inf)
+    assert parts.codes == (["DRV-14"] if wrong else [])
+    assert parts.holding.believed is not wrong
+    # Nothing while it is off: believed again. While it is enabled a reading of nothing proves nothing.
+    parts.feedback.torque_nm = 0.0
+    parts.feedback.state = DriveState.OPERATION_ENABLED
+    watch.scan_released()
+    assert parts.holding.believed is not wrong
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    watch.scan_released()
+    assert parts.holding.believed
+
+
+@pytest.mark.parametrize("spoilt", ["enabled", "silent", "unknown torque", "in parts"])
+def test_where_torque_while_off_says_nothing(spoilt):
+    parts = Parts(torque_preload=spoilt != "unknown torque")
+    watch = watched(parts, 100.0)
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    if spoilt == "enabled":
+        parts.feedback.state = DriveState.QUICK_STOP_ACTIVE
+    elif spoilt == "silent":
+        parts.feedback.age = parts.feedback._speed_age = 30
+
+    def scan():
+        parts.feedback.torque_nm = 0.0 if spoilt == "in parts" and parts.alarms.scan % 90 == 0 else 100.0
+        watch.scan_released()
+
+    assert parts.after(scan, most_s=1.0) == math.inf
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("leap_nm", "wrong"), [(205.0, False), (206.0, True)])
+def test_torque_that_leaps_and_moves_nothing_is_a_wrong_reading(period_s, way, leap_nm, wrong):
+    """80 % of 257 N m from one scan to the next, on an axis at its command, after 20 ms."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.turn(3.0)
+    parts.feedback.torque_nm = way * leap_nm
+    seconds = parts.after(lambda: watch.scan(0.0, 0.0), most_s=0.1)
+    assert parts.codes == (["DRV-14"] if wrong else [])
+    assert seconds == (
+        approx(in_scans(0.020, period_s) + period_s, abs=1.01 * period_s) if wrong else math.inf
+    )
+    assert parts.holding.believed is not wrong
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("command", "share", "push_nm", "held"),
+    [(0.025, 0.09, 70.0, True), (0.019, 0.09, 70.0, False), (0.025, 0.11, 70.0, False), (0.025, 0.09, 55.0, False),
+     (0.025, 0.09, -70.0, False), (0.060, 0.09, 55.0, False), (0.060, 0.09, 70.0, True)],
+)  # fmt: skip
+def test_a_shaft_that_is_pushed_for_10_ms_and_stands_is_held(period_s, way, command, share, push_nm, held):
+    """A command above 0.02 deg/s, less than a tenth of it followed, and more than 60 N m in its direction."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.turn(way * share * command)
+    parts.feedback.torque_nm = way * push_nm
+    off = rad(way * (share * command - command))
+    seconds = parts.after(lambda: watch.scan(off, 0.0), most_s=0.02)
+    assert seconds == (approx(in_scans(0.010, period_s), abs=1.01 * period_s) if held else math.inf)
+    assert parts.codes == (["BRK-14"] if held else [])
+    assert parts.feedback.in_doubt is held
+
+
+@BOTH
+def test_a_shaft_that_is_held_behind_a_contact_that_says_closed_names_the_brake(way):
+    parts = Parts()
+    watch = watched(parts)
+    parts.feedback.brake_open = False
+    parts.turn(0.0)
+    parts.feedback.torque_nm = way * 70.0
+    parts.after(lambda: watch.scan(rad(-way * 0.03), rad(0.5)), most_s=0.05)
+    assert parts.codes == ["BRK-05"]
+    assert parts.reaction("BRK-05") is Reaction.TORQUE_OFF
+    assert not parts.feedback.in_doubt
+    assert parts.alarms.active[Code.BRK_05].values["error"] == approx(0.5)
+
+
+def test_a_count_that_stands_is_a_frozen_encoder_and_no_held_shaft():
+    parts = Parts()
+    watch = watched(parts)
+    parts.feedback.unchanged_scans = 3
+    parts.turn(0.0)
+    parts.feedback.torque_nm = 70.0
+    parts.after(lambda: watch.scan(rad(-0.03), 0.0), most_s=0.05)
+    assert parts.codes == ["ENC-02"]
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("rise_nm", "planned_deg_s2", "held"),
+    [(205.0, 0.0, True), (195.0, 0.0, False), (205.0, 1.0, False), (205.0, -1.0, True)],
+)
+def test_half_of_the_brakes_torque_that_comes_and_stays_is_the_brake(
+    period_s, way, rise_nm, planned_deg_s2, held
+):
+    """200 of 400 N m in the direction of motion, beside what the set-point accelerates with (70 N m for 1 deg/s2)."""
+    parts = Parts(period_s)
+    parts.virtual.acc_ref_rad_s2 = 0.0
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    off = rad(-way * 0.06)
+    # It begins off its command, then the torque comes.
+    watch.scan(off, 0.0)
+    parts.feedback.torque_nm = way * rise_nm
+    parts.virtual.acc_ref_rad_s2 = rad(way * planned_deg_s2)
+    seconds = parts.after(lambda: watch.scan(off, 0.0), most_s=0.031)
+    assert parts.codes == (["BRK-14"] if held else [])
+    if held:
+        assert seconds == approx(in_scans(0.030, period_s), abs=1.01 * period_s)
+
+
+@BOTH
+def test_torque_against_the_motion_is_no_brake(way):
+    parts = Parts()
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    watch.scan(rad(way * 0.06), 0.0)
+    parts.feedback.torque_nm = -way * 250.0
+    assert parts.after(lambda: watch.scan(rad(way * 0.06), 0.0), most_s=0.035) == math.inf
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("command_deg_s", "doubt"), [(0.0, "ENC-12"), (0.019, "ENC-12"), (0.021, "BRK-14"), (-0.019, "ENC-12")]
+)
+def test_a_shaft_held_at_rest_that_turns_against_its_torque_is_read_with_the_wrong_sign(
+    way, command_deg_s, doubt
+):
+    """Rest is a command of less than 0.02 deg/s; asked where torque has no effect."""
+    parts = Parts()
+    watch = watched(parts, -way * 150.0)
+    watch._without_effect(-way * 150.0, way * rad(0.2), way * rad(command_deg_s))
+    assert parts.codes == [doubt]
+    assert parts.feedback.in_doubt
+
+
+@BOTH
+def test_a_shaft_that_turns_with_its_torque_is_held_by_something(way):
+    parts = Parts()
+    watched(parts, way * 150.0)._without_effect(way * 150.0, way * rad(0.01), 0.0)
+    assert parts.codes == ["BRK-14"]
+
+
+@BOTH
+@pytest.mark.parametrize("believed", [True, False])
+def test_a_reading_that_is_not_believed_hides_nothing_of_a_drive_without_torque(way, believed):
+    """Off its command for 50 ms, with a reading of 100 N m that was found to be wrong."""
+    parts = Parts()
+    watch = watched(parts, way * 100.0)
+    parts.holding.believed = believed
+    off = at_speed(parts, way * 3.0, -way * 0.06)
+    parts.after(lambda: watch.scan(off, 0.0), lambda: "DRV-13" in parts.codes, 0.06)
+    assert ("DRV-13" in parts.codes) is not believed
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("answer", "held"), [(0.0, True), (1.0, False)])
+def test_torque_beyond_what_a_load_needs_must_move_the_shaft(period_s, way, answer, held):
+    """385 N m stop any load with 5.5 deg/s2. 300 N m above the mean are 200 beyond the effort that is permitted: in
+    60 ms they make 0.17 deg/s, and 0.15 may be missing. The mean follows with 0.3 s: it takes a little longer.
+    """
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    watch.scan(-way * rad(0.06), 0.0)
+    for step in range(1, 6):  # no leap, and slower than a brake
+        parts.feedback.torque_nm = way * 30.0 * step
+        watch.scan(-way * rad(0.06), 0.0)
+    speed = 2.9
+    watch._grip_nm = math.inf  # what a brake looks like is another row
+
+    def scan():
+        nonlocal speed
+        parts.feedback.torque_nm = way * min(300.0, abs(parts.feedback.torque_nm) + 150e3 * period_s / 10.0)
+        speed += answer * 5.0 * period_s
+        parts.turn(way * speed)
+        watch.scan(-way * rad(0.06), 0.0)
+
+    seconds = parts.after(scan, lambda: "BRK-14" in parts.codes, 0.2)
+    assert (0.05 <= seconds <= 0.15) is held
+    assert (seconds == math.inf) is not held
