@@ -62,6 +62,20 @@ test('without power frames are judged, but not before it is known that no rows l
   expect(scope.whole()).toBe(0.5);
 });
 
+test('what happens between the last sample before it is armed and the next one fires, once', () => {
+  const setting = { ...SETTING, trigger: { source: ALARM, level: 0, slope: 'rising' as const } };
+  const scope = new Acquisition(setting);
+  scope.takeFrame(1.0, { [ALARM]: 0 });
+  scope.arm(setting, 1.0);
+  scope.takeFrame(1.5, { [ALARM]: 1 });
+  scope.takeRows([], {}, 2.0, false);
+  expect(scope.whole()).toBe(1.5);
+  scope.takeFrame(2.5, { [ALARM]: 1 });
+  scope.arm(setting, 2.5);
+  scope.takeRows([], {}, 3.5, false);
+  expect(scope.whole()).toBe(null);
+});
+
 test('rows that are missing fire nothing', () => {
   const scope = new Acquisition(SETTING);
   scope.arm(SETTING, 0);

@@ -237,6 +237,7 @@ export const WORDS: Record<string, string> = {
   AT_REST_AFTER: "{time_ms:.0f} ms 后静止",
   TORQUE_OFF_AFTER: "{time_ms:.0f} ms 后转矩切断",
   BRAKE_CLOSED_AFTER: "{time_ms:.0f} ms 后制动器抱紧",
+  BRAKE_CLOSED_SEEN: "{time_ms:.0f} ms 后确认制动器抱紧",
   TORQUE_OFF_SEEN: "{time_ms:.0f} ms 后确认转矩已切断",
   TORQUE_UNCONFIRMED: "已指令切断转矩，未经确认：请按下急停",
   STOP_UNCONFIRMED: "已指令切断转矩并制动，未经确认：请按下急停",

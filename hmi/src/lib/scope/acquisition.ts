@@ -58,12 +58,14 @@ export class Acquisition {
     return this.#fired !== null;
   }
 
-  /** Wait for a trigger after the time `since`; samples before it are shown, and fire nothing. */
+  /** Wait for a trigger after the time `since`; samples before it are shown, and the last of them is what the first
+   * one after it is compared with: an alarm in the half second to the next frame fires. */
   arm(setting: Setting, since: number): void {
     this.#setting = setting;
     this.#trigger = new Trigger(setting.trigger);
     this.#judged = this.#shown = Math.max(since, this.now);
     this.#fired = null;
+    this.#trigger.fires(this.#merged(setting.trigger.source, -Infinity, this.#judged)[1].at(-1) ?? null);
   }
 
   /** Rows of the scan, all that there were up to `known`; `gap`: some before them are missing. */

@@ -95,6 +95,7 @@ class Scope {
       this.#utc0 = Infinity;
       this.missed = 0;
       this.running = true;
+      this.#frame();
       void this.#poll();
     }
     this.#acquisition?.arm(setting, link.tags.time_s ?? -Infinity);
@@ -159,7 +160,7 @@ class Scope {
   /** Rows in memory; `framed` is the time of the newest frame when they were asked for. */
   #take(found: Answer, framed: number): void {
     const { time_s: times, ...columns } = found.tags;
-    const gap = found.from !== this.#next;
+    const gap = this.#next !== null && found.from !== this.#next;
     if (gap) this.missed += Math.max(0, found.from - (this.#next ?? 0));
     this.#next = found.next;
     // The least is the truest: a row is seen late, never early.
