@@ -54,7 +54,7 @@ demo: core
 test: setup lint types layers test-core page-check site pytest
 
 pytest: setup $(NODE_OPCUA)
-	.venv/bin/python -m pytest -n 3 --dist worksteal
+	.venv/bin/python -m pytest -n 4 --dist worksteal
 
 test-slow: setup .venv/dist.stamp $(NODE_OPCUA) hmi/node_modules/.package-lock.json
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang
@@ -71,7 +71,11 @@ build/mutation/coverage: setup
 	$(MUTATION) record others tests --ignore=tests/system $$(printf -- '--ignore=tests/%s ' unit/program unit/operation \
 	    unit/drives unit/service unit/commissioning unit/gateway plant bus)
 
-mutants: build/mutation/coverage
+# Those of the core: which test in Python passes which change of it; half of it is the build with all its changes.
+build/mutation/coverage/core: build/mutation/coverage
+	$(MUTATION) record --core core tests/physics tests/parity tests/plant tests/unit/motion
+
+mutants: build/mutation/coverage build/mutation/coverage/core
 	$(MUTATION) planted
 	$(MUTATION) run $(MUTANTS)
 	$(MUTATION) write $(MUTANTS)

@@ -118,6 +118,7 @@ RUNS: dict[str, list[str]] = {
     "identify": ["identify", "--out", "found.toml"],
     "compare": ["compare", "paper", "paper"],
     "compare --drift": ["compare", "quick.toml", "slow.toml", "--drift", "drift.toml"],
+    "compare --stale-days": ["compare", "--stale-days", "1"],
     "bench": ["bench", "jitter", "--repeats", "1", "--scale", "0.01"],
     "doctor": ["doctor", "--period", "4", "--seconds", "0.1"],
     "campaign run": ["campaign", "run", "small.toml"],
@@ -212,7 +213,7 @@ def journal() -> None:
     made.close()
 
 
-LONG = ("compare", "stops --find-quick", "tune")
+LONG = ("compare", "compare --stale-days", "stops --find-quick", "tune")
 """Five seconds of a processor each."""
 
 

@@ -13,7 +13,7 @@ from gantryctl.commissioning.results import Context, StepResult
 from gantryctl.commissioning.watch import Halt, StepWatch
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.engineering.report.meter import Meter
-from gantryctl.image import DriveFeedback, DriveRequest, DriveState, EncoderFlag, OutputImage
+from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, EncoderFlag, OutputImage
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.runtime import Retained
 
@@ -108,6 +108,9 @@ class HandDrive:
 
     def resume(self) -> None:
         self.lost = False
+
+    def close(self) -> None:
+        self.wrote.append(SAFE_OUTPUT)
 
 
 def axis_of(

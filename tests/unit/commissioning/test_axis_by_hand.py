@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from gantryctl.commissioning import open_loop_axis
 from gantryctl.commissioning.results import Figure, Outcome, judged
 from gantryctl.commissioning.watch import Halt, StepStopped
-from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, LinkFlag
 from gantryctl.operation.client import Stop
+from gantryctl.runtime import Retained
 from unit.commissioning.hand_drive import (
     COUNTS_PER_DEG,
     PERIOD_S,
     HandDrive,
     axis_of,
+    context,
     enabled,
 )
 
@@ -202,3 +206,46 @@ def test_a_step_passes_by_its_proof_and_by_every_figure(
 ) -> None:
     found = judged(ok, "k", "", "", a=Figure(first, high=1.5), b=Figure(second, high=1.5))
     assert (found.outcome is Outcome.PASSED) is passes
+
+
+# --- the door of a step -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Stands for a machine that was opened: why it may not be enabled, and what it keeps at the end."""
+    drive = HandDrive()
+    at = SimpleNamespace(drive=drive, reasons=[], kept=[])
+    found = SimpleNamespace(
+        drive=drive,
+        feedback=drive.read(),
+        reading=SimpleNamespace(angle_deg=None),
+        retained=Retained("m", "h"),
+        scale=SimpleNamespace(range_counts=2**20),
+    )
+    monkeypatch.setattr(open_loop_axis, "CanopenDrive", HandDrive)
+    monkeypatch.setattr(open_loop_axis, "open_machine", lambda machine, store: found)
+    monkeypatch.setattr(open_loop_axis, "bus_reasons", lambda *some, **more: at.reasons)
+    monkeypatch.setattr(
+        open_loop_axis, "keep_machine", lambda machine, store, drive, retained: at.kept.append(retained)
+    )
+    return at
+
+
+def test_a_drive_whose_parameters_were_refused_is_moved_by_no_step(opened: SimpleNamespace) -> None:
+    opened.reasons = [SimpleNamespace(text="607F:00 is 1000, 1239 is wanted")]
+    step = open_loop_axis.open_loop_axis(context(), 1.0)
+    with pytest.raises(CommandRefused, match="607F:00 is 1000"):
+        step.__enter__()
+    assert all(output.request is DriveRequest.DISABLE for output in opened.drive.wrote)
+
+
+@pytest.mark.parametrize(("turned", "kept"), [(2**20 + 5.0, 5), (-3.0, 2**20 - 3)])
+def test_where_a_step_has_left_the_shaft_is_where_it_is_looked_for_next(
+    opened: SimpleNamespace, turned: float, kept: int
+) -> None:
+    """The encoder counts 2^20 and begins anew: 3 counts behind its 0 it shows 2^20 - 3."""
+    with open_loop_axis.open_loop_axis(context(), 1.0):
+        opened.drive.deg = turned / COUNTS_PER_DEG
+    (retained,) = opened.kept
+    assert retained.rest_position_counts == kept

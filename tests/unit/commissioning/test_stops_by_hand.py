@@ -267,3 +267,37 @@ def test_a_brake_is_closed_when_something_says_so(contact: Any, state: DriveStat
 
     axis: Any = SimpleNamespace(drive=SimpleNamespace(beside=SimpleNamespace(ask_brake_contact=ask)))
     assert silence._brake_open(axis, state) is is_open
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+@pytest.mark.parametrize(("way_deg", "after_scans"), [(0.05, 13), (0.034, 9)])
+def test_a_gantry_that_turns_on_in_a_silence_is_broken_off_at_the_permitted_way(
+    speed: float, way_deg: float, after_scans: int
+) -> None:
+    """1 deg/s is 0.004 deg in a scan: 13 of them are the first beyond 0.05 deg, 0.052 s after the last command. The
+    limit of the drive's own watch, 0.05 s and what it takes to see it, is over after 0.076 s.
+    """
+    drive, axis = enabled()
+    axis.ramp_to(speed, 5.0)
+    axis.run(0.1, speed_deg_s=speed)
+    drive.process.age, drive.process.statusword = 0, 0x1637  # Operation enabled, bit 12
+    drive.node.emergencies = SimpleNamespace(count=0)
+    before = len(drive.wrote)
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, way_deg), speed)
+    assert seen.broken_off.startswith(f"moved {0.004 * after_scans:.3f} deg, {way_deg:.3f} deg are permitted")
+    assert [output.request for output in drive.wrote[before:]].index(DriveRequest.DISABLE) == after_scans
+    assert seen.way_deg == pytest.approx(0.004 * after_scans, abs=1e-6)
+    assert not seen.stopped
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_a_drive_that_stays_enabled_in_a_silence_is_broken_off_when_its_time_is_over(speed: float) -> None:
+    """0.05 s, four scans to see it and 10 ms: scan 20 is the first beyond 0.076 s."""
+    drive, axis = enabled()
+    axis.ramp_to(speed, 5.0)
+    axis.run(0.1, speed_deg_s=speed)
+    drive.process.age, drive.process.statusword = 0, 0x1637
+    drive.node.emergencies = SimpleNamespace(count=0)
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 1.0), speed)
+    assert seen.broken_off.startswith("still operation enabled 80 ms")
+    assert seen.way_deg == pytest.approx(0.08, abs=1e-6)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import pytest
 from jsonschema import Draft202012Validator, validate
 
+from gantryctl.gateway import rest
 from gantryctl.gateway.access import COOKIE
 from gantryctl.gateway.app import build_app
 from gantryctl.gateway.routes import API, NUMBER_MAX, ROUTES, openapi
@@ -180,6 +181,29 @@ def test_a_login_ends_the_session_that_its_browser_had(app: Any) -> None:
     assert (works(first), works(second), works(other)) == (False, True, True)
 
 
+def test_the_cookie_of_a_login_is_for_this_page_alone(app: Any) -> None:
+    """No script reads it, no other site sends it, nothing carries it in clear; it lasts no longer than its session."""
+    body = json.dumps({"user": "anna", "password": PASSWORD}).encode()
+    said = ask(app, "POST", f"{API}/login", body=body)[1]["set-cookie"]
+    name, _, rest = said.partition("=")
+    parts = set(rest.split("; ")[1:])
+    assert (name, parts) == (COOKIE, {"Secure", "HttpOnly", "SameSite=strict", "Path=/", "Max-Age=28800"})
+    cookie = rest.partition(";")[0]
+    ended = ask(app, "POST", f"{API}/logout", cookie=cookie)[1]["set-cookie"]
+    assert "Max-Age=0" in ended.split("; ")
+    assert ask(app, "GET", f"{API}/session", cookie=cookie)[0] == 401
+
+
+def test_a_password_that_nobody_can_have_is_not_checked(app: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check costs 0.1 s of a processor and more for a long one."""
+    checked: list[int] = []
+    monkeypatch.setattr(Users, "check", lambda _, name, password: checked.append(len(password)))
+    for length in (users.PASSWORD_MAX, users.PASSWORD_MAX + 1):
+        body = json.dumps({"user": "anna", "password": "x" * length}).encode()
+        assert ask(app, "POST", f"{API}/login", body=body)[0] == 401
+    assert checked == [users.PASSWORD_MAX]
+
+
 class Evidence(NamedTuple):
     """An application with a recording and a journal, and somebody who may read both."""
 
@@ -223,6 +247,26 @@ def test_who_reads_evidence_is_in_the_journal(evidence: Evidence) -> None:
         ("paula", "remote", "recording one.parquet was read"),
         ("paula", "remote", "journal was read from 0"),
     ]
+
+
+def test_one_answer_has_so_many_lines_of_the_journal_and_no_more(
+    evidence: Evidence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever was asked for: a client asks again from the last number."""
+    monkeypatch.setattr(rest, "JOURNAL_MAX", 2)
+    journal = Journal(tmp_path)
+    for _ in range(3):
+        journal.note("service", "one more")
+    journal.close()
+    for limit, lines in ((1, 1), (2, 2), (3, 2), (10**6, 2)):
+        found = ask(evidence.app, "GET", f"{API}/journal", cookie=evidence.cookie, query=f"limit={limit}")
+        assert (found[0], len(found[2].splitlines())) == (200, lines)
+
+
+def test_a_controller_that_says_nothing_is_silent(app: Any) -> None:
+    """Whoever watches the service asks without a login."""
+    status, _, body = ask(app, "GET", f"{API}/health")
+    assert (status, json.loads(body)) == (200, {"controller": "silent"})
 
 
 def check(schema: dict[str, Any], answer: object) -> None:

@@ -204,6 +204,19 @@ def test_no_page_may_frame_ours() -> None:
     assert "frame-ancestors 'none'" in CSP.split("; ")
 
 
+@pytest.mark.parametrize(("role", "restarts"), [(Role.OPERATOR, True), (Role.VIEWER, False)])
+def test_reading_restarts_the_idle_time_and_a_refusal_does_not(
+    access: Access, role: Role, restarts: bool
+) -> None:
+    cookie = cookie_of(access, role)
+    session = access.session(Request(scope(headers=[cookie])))
+    assert session is not None
+    session.used_s -= 600.0
+    before_s = session.used_s
+    access.refuse(Request(scope(headers=[cookie])), Action.TRACES)
+    assert (session.used_s > before_s + 1.0) is restarts
+
+
 @pytest.mark.parametrize("origin", [None, b"http://evil.example", b"null"])
 def test_a_websocket_of_another_page_or_of_none_is_refused(access: Access, origin: bytes | None) -> None:
     sent: list[str] = []

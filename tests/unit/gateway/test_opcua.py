@@ -19,12 +19,13 @@ from asyncua.crypto.security_policies import (  # noqa: E402
     SecurityPolicyAes256Sha256RsaPss,
 )
 from cryptography import x509  # noqa: E402
-from cryptography.hazmat.primitives.asymmetric import rsa  # noqa: E402
+from cryptography.hazmat.primitives.asymmetric import ec, rsa  # noqa: E402
 from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
 from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
 from gantryctl.gateway.opcua.server import POLICIES  # noqa: E402
+from gantryctl.gateway.opcua.trust import NotTrusted, _is_authority  # noqa: E402
 from gantryctl.service.protocol.tags import TAGS  # noqa: E402
 from gantryctl.service.supervisor.users import Users  # noqa: E402
 from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
@@ -162,8 +163,20 @@ def test_the_trust_list_is_read_again_without_a_new_start(run: Run) -> None:
 AUTHORITY = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "authority")])
 
 
-def of_client(key: Any, days: int, authority: Any = None) -> x509.Certificate:
-    """A client's certificate whose last day is so far away, signed by itself or by an authority."""
+def of_client(
+    key: Any,
+    days: int,
+    authority: Any = None,
+    *,
+    begins: int = -10,
+    lacks: str = "",
+    purpose: x509.ObjectIdentifier = ExtendedKeyUsageOID.CLIENT_AUTH,
+) -> x509.Certificate:
+    """A client's certificate whose last and first day are so far away, signed by itself or by an authority.
+
+    Args:
+        lacks: one of the uses of its key that OPC UA asks for.
+    """
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "dated")])
     uses = dict.fromkeys(
         ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment"), True
@@ -178,28 +191,85 @@ def of_client(key: Any, days: int, authority: Any = None) -> x509.Certificate:
         .issuer_name(name if authority is None else AUTHORITY)
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
-        .not_valid_before(now - timedelta(days=10))
+        .not_valid_before(now + timedelta(days=begins))
         .not_valid_after(now + timedelta(days=days))
         .add_extension(x509.SubjectAlternativeName([x509.UniformResourceIdentifier(CLIENT)]), critical=False)
-        .add_extension(x509.KeyUsage(**uses, **never), critical=False)
-        .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH]), critical=False)
+        .add_extension(
+            x509.KeyUsage(**{**uses, **never, **({lacks: False} if lacks else {})}), critical=False
+        )
+        .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .sign(authority or key, SHA256())
     )
 
 
-def test_a_client_certificate_that_has_expired_is_refused(run: Run) -> None:
+def test_a_client_certificate_is_valid_from_its_first_day_to_its_last(run: Run) -> None:
     async def check(bench: Bench) -> None:
         key = await load_private_key(bench.root / "client.pem")
         (bench.root / "dated.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        for days in (1, -1):
-            made = of_client(key, days).public_bytes(Encoding.DER)
+        for begins, days, valid in ((-10, 1, True), (-10, -1, False), (1, 10, False)):
+            made = of_client(key, days, begins=begins).public_bytes(Encoding.DER)
             (bench.root / "dated.der").write_bytes(made)
             (bench.root / "opcua" / "trusted" / "dated.der").write_bytes(made)
             await bench.listener.sweep()
-            assert await refused(bench, "dated") is (days < 0)
+            assert await refused(bench, "dated") is not valid
 
     run(check)
+
+
+def test_only_a_certificate_for_clients_is_taken(run: Run) -> None:
+    """OPC UA Part 6, section 6.2.2: four uses of the key, and the purpose of a client."""
+
+    async def check(bench: Bench) -> None:
+        key, trust = await load_private_key(bench.root / "client.pem"), bench.listener.wall.trust
+        wrong: list[dict[str, Any]] = [
+            {"lacks": "digital_signature"},
+            {"lacks": "content_commitment"},
+            {"lacks": "key_encipherment"},
+            {"lacks": "data_encipherment"},
+            {"purpose": ExtendedKeyUsageOID.SERVER_AUTH},
+        ]
+        made = [of_client(key, 5, **how).public_bytes(Encoding.DER) for how in ({}, *wrong)]
+        for number, data in enumerate(made):
+            (bench.trusted / f"{number}.der").write_bytes(data)
+        await bench.listener.sweep()
+        assert trust.judge(made[0])
+        for data in made[1:]:
+            with pytest.raises(NotTrusted, match="not for clients"):
+                trust.judge(data)
+
+    run(check)
+
+
+@pytest.mark.parametrize(
+    ("ca", "signs", "purpose", "authority"),
+    [
+        (True, True, None, True), (True, True, ExtendedKeyUsageOID.SERVER_AUTH, True),
+        (True, True, ExtendedKeyUsageOID.CLIENT_AUTH, False), (False, True, None, False), (True, False, None, False),
+        (None, True, None, False),
+    ],
+)  # fmt: skip
+def test_an_authority_issues_signs_and_is_no_client(
+    ca: bool | None, signs: bool, purpose: x509.ObjectIdentifier | None, authority: bool
+) -> None:
+    key, now = ec.generate_private_key(ec.SECP256R1()), datetime.now(UTC)
+    uses = dict.fromkeys(
+        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement"),
+        False,
+    )
+    made = (
+        x509.CertificateBuilder().subject_name(AUTHORITY).issuer_name(AUTHORITY).public_key(key.public_key())
+    )
+    made = made.serial_number(1).not_valid_before(now).not_valid_after(now + timedelta(days=1))
+    usage = x509.KeyUsage(
+        **uses, key_cert_sign=signs, crl_sign=True, encipher_only=False, decipher_only=False
+    )
+    made = made.add_extension(usage, critical=True)
+    if ca is not None:
+        made = made.add_extension(x509.BasicConstraints(ca=ca, path_length=None), critical=True)
+    if purpose is not None:
+        made = made.add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+    assert _is_authority(made.sign(key, SHA256())) is authority
 
 
 def test_only_policies_that_sign_and_encrypt_are_offered(run: Run) -> None:

@@ -17,6 +17,7 @@ asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not instal
 from asyncua import ua  # noqa: E402
 from asyncua.common.utils import Buffer  # noqa: E402
 from asyncua.crypto.cert_gen import load_private_key  # noqa: E402
+from asyncua.crypto.uacrypto import encrypt_rsa15, load_certificate  # noqa: E402
 from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary, uatcp_to_binary  # noqa: E402
 from cryptography import x509  # noqa: E402
 from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
@@ -195,6 +196,102 @@ def test_the_certificate_of_somebody_else_opens_no_session(run: Run) -> None:
             == "BadApplicationSignatureInvalid"
         )
         assert (await wire.ask(ua.ReadRequest()))[0] == "BadSessionNotActivated"
+
+    run(check)
+
+
+async def renewed(wire: Wire, lifetime_ms: int) -> int:
+    """Ask for new keys of an open channel; its lifetime, ms."""
+    request = ua.OpenSecureChannelRequest()
+    wanted = request.Parameters
+    wanted.SecurityMode, wanted.RequestType = MODES.SignAndEncrypt, ua.SecurityTokenRequestType.Renew
+    wanted.ClientNonce, wanted.RequestedLifetime = os.urandom(32), lifetime_ms
+    data = struct_to_binary(request)
+    await wire.say(wire.secure.message_to_binary(data, ua.MessageType.SecureOpen, wire._next()))
+    answer = struct_from_binary(ua.OpenSecureChannelResponse, (await wire.hear()).body())
+    return int(answer.Parameters.SecurityToken.RevisedLifetime)
+
+
+def test_a_channel_is_renewed_by_its_own_certificate_only(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        (bench.trusted / "stranger.der").write_bytes(bench.certificate("stranger"))
+        await bench.listener.sweep()
+        wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        bench.texts()
+        assert await renewed(wire, 60_000) == 60_000
+        assert (await wire.ask(ua.ReadRequest()))[0] == "Good"
+        # Its own key, and the certificate of somebody else, whose sessions it would be given then.
+        wire.secure.security_policy.host_certificate = bench.certificate("stranger")
+        with pytest.raises(Refused, match="BadSecurityChecksFailed"):
+            await renewed(wire, 60_000)
+        assert any("another certificate in a renewal" in text for text in bench.texts())
+
+    run(check)
+
+
+@pytest.mark.parametrize(
+    ("asked_ms", "given_ms"), [(0, 60_000), (60_001, 60_001), (3_600_000, 3_600_000), (2**32 - 1, 3_600_000)]
+)
+def test_a_channel_that_is_not_renewed_in_time_is_closed(run: Run, asked_ms: int, given_ms: int) -> None:
+    """From a minute to an hour, and a quarter more for the renewal (Part 4, section 5.5.2.1)."""
+
+    async def check(bench: Bench) -> None:
+        wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        (connection,) = bench.listener.connections
+        assert await renewed(wire, asked_ms) == given_ms
+        left_s = connection.channel._until_s - time.monotonic()
+        assert left_s == pytest.approx(1.25e-3 * given_ms, abs=5.0)
+        assert (await wire.ask(ua.ReadRequest()))[0] == "Good"
+        connection.channel._until_s = time.monotonic() - 1e-3
+        with pytest.raises(Refused, match="BadSecureChannelClosed"):
+            await wire.ask(ua.ReadRequest())
+
+    run(check)
+
+
+def test_a_password_in_another_cipher_than_that_of_the_policy_is_not_looked_at(run: Run) -> None:
+    """RSA PKCS 1.5 would tell a stranger byte by byte whether a guess decrypts."""
+
+    async def check(bench: Bench) -> None:
+        wire = await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
+        assert await wire.create(bench.certificate("client"), CLIENT) == "Good"
+        server = await load_certificate(str(bench.root / "opcua" / "certificate.der"))
+        secret = PASSWORD.encode() + wire.server_nonce
+        token = password("viewer", "")
+        token.Password = encrypt_rsa15(server.public_key(), struct.pack("<I", len(secret)) + secret)
+        token.EncryptionAlgorithm = "http://www.w3.org/2001/04/xmlenc#rsa-1_5"
+        assert await wire.activate(token) == "BadIdentityTokenInvalid"
+        assert await wire.activate(password("viewer", PASSWORD)) == "Good"
+
+    run(check)
+
+
+def test_a_client_says_hello_once(run: Run) -> None:
+    """The limits of a connection are those of its beginning."""
+
+    async def check(bench: Bench) -> None:
+        wire = await bench.wire()
+        await wire.say(uatcp_to_binary(ua.MessageType.Hello, ua.Hello(EndpointUrl="opc.tcp://x/")))
+        with pytest.raises(Refused, match="BadTcpMessageTypeInvalid"):
+            await wire.hear()
+
+    run(check)
+
+
+def test_an_admitted_login_opens_one_session(run: Run) -> None:
+    """Its password stays nowhere: the next session is checked against the file of users again."""
+
+    async def check(bench: Bench) -> None:
+        people = bench.listener.wall.people
+        assert await people.admit("viewer", PASSWORD, b"certificate", "client", "192.0.2.7")
+        asked = (
+            ("other", PASSWORD, b"certificate"),
+            ("viewer", "wrong", b"certificate"),
+            ("viewer", PASSWORD, b""),
+        )
+        assert [people.get_user(None, *each) for each in asked] == [None] * 3
+        assert people.get_user(None, "viewer", PASSWORD, b"certificate").name == "viewer"
+        assert people.get_user(None, "viewer", PASSWORD, b"certificate") is None
 
     run(check)
 
