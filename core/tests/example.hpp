@@ -1,5 +1,5 @@
 // A complete plant and drive for the tests, every effect present; the values are those of the reference
-// machine, rounded. Random variations of it make a family of plants.
+// machine, rounded. Random variations of it make a family of plants. Beside it a plant of round numbers.
 #pragma once
 
 #include <random>
@@ -13,6 +13,21 @@ namespace gantry::example {
 constexpr double kRatio = 1144.0;
 constexpr double kCycle = 125e-6;
 constexpr double kFineCount = 6.283185307179586 / (2048.0 * 2048.0);
+
+// Round numbers for figures worked out by hand, no effect present: ratio 10, inertias of 1 and 50 kg m2,
+// stiffness 1000, 2000 and 4000 N m/rad with knees at 10 and 30 N m.
+inline PlantParams<double> simple_plant() {
+  PlantParams<double> p;
+  p.ratio = 10.0;
+  p.inertia_motor_kg_m2 = 1.0;
+  p.inertia_load_kg_m2 = 50.0;
+  p.stiffness_1_nm_per_rad = 1000.0;
+  p.stiffness_2_nm_per_rad = 2000.0;
+  p.stiffness_3_nm_per_rad = 4000.0;
+  p.torque_1_nm = 10.0;
+  p.torque_2_nm = 30.0;
+  return p;
+}
 
 inline PlantParams<double> plant() {
   PlantParams<double> p;

@@ -5,26 +5,15 @@
 
 #include "core/plant/dynamics.hpp"
 #include "core/plant/integration.hpp"
+#include "example.hpp"
 
 namespace gantry {
 namespace {
 
 using State = PlantState<double>;
-constexpr double kQuarter = 1.570796326794896619;
+using example::simple_plant;
 
-// Ratio 10, stiffness 1000, 2000 and 4000 N m/rad with knees at 10 and 30 N m, inertias of 1 and 50 kg m2.
-PlantParams<double> simple() {
-  PlantParams<double> p;
-  p.ratio = 10.0;
-  p.inertia_motor_kg_m2 = 1.0;
-  p.inertia_load_kg_m2 = 50.0;
-  p.stiffness_1_nm_per_rad = 1000.0;
-  p.stiffness_2_nm_per_rad = 2000.0;
-  p.stiffness_3_nm_per_rad = 4000.0;
-  p.torque_1_nm = 10.0;
-  p.torque_2_nm = 30.0;
-  return p;
-}
+constexpr double kQuarter = 1.570796326794896619;
 
 Forces<double> at(const PlantParams<double>& p, const State& x, bool brake_closed = false,
                   double time = 0.0) {
@@ -40,24 +29,24 @@ State wound(double twist) {
 }
 
 TEST(Forces, spring_goes_through_its_knees) {
-  const Plant<double> plant(simple());
+  const Plant<double> plant(simple_plant());
   for (const auto& [twist, torque] :
        {std::pair{0.005, 5.0}, {0.01, 10.0}, {0.015, 20.0}, {0.02, 30.0}, {0.03, 70.0}}) {
     EXPECT_NEAR(plant.spring(twist), torque, 1e-9);
     EXPECT_NEAR(plant.windup(torque), twist, 1e-12);
     for (double side : {1.0, -1.0})
-      EXPECT_NEAR(at(simple(), wound(side * twist)).torque_mesh, side * torque, 1e-9);
+      EXPECT_NEAR(at(simple_plant(), wound(side * twist)).torque_mesh, side * torque, 1e-9);
   }
 }
 
 TEST(Forces, a_wound_spring_drives_the_load_and_holds_the_motor_back) {
-  const auto f = at(simple(), wound(0.005));
+  const auto f = at(simple_plant(), wound(0.005));
   EXPECT_NEAR(f.acc_load, 5.0 / 50.0, 1e-12);
   EXPECT_NEAR(f.acc_motor, -5.0 / 10.0, 1e-12);
 }
 
 TEST(Forces, flanks_push_and_do_not_pull) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.backlash = true;
   p.half_backlash_rad = 0.002;
   p.damping_nm_s_per_rad = 100.0;
@@ -70,7 +59,7 @@ TEST(Forces, flanks_push_and_do_not_pull) {
 }
 
 TEST(Forces, the_base_takes_what_the_ring_gives_the_load) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.base = true;
   p.base_inertia_kg_m2 = 20.0;
   p.base_stiffness_nm_per_rad = 300.0;
@@ -83,7 +72,7 @@ TEST(Forces, the_base_takes_what_the_ring_gives_the_load) {
 }
 
 TEST(Forces, friction_and_brake_hold_back_in_both_directions) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.motor_friction = p.roller_friction = true;
   p.motor_coulomb_nm = p.motor_breakaway_nm = 2.0;
   p.roller_coulomb_nm = p.roller_breakaway_nm = 20.0;
@@ -104,7 +93,7 @@ TEST(Forces, friction_and_brake_hold_back_in_both_directions) {
 // The eccentric moment of 100 N m, its mean wind of 30 N m and the torque of the motor on one inertia:
 // 50 / 10^2 + 1 = 1.5 kg m2 at the motor.
 TEST(Forces, rigid_and_elastic_plants_have_the_same_moments) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.eccentric_moment_nm = 100.0;
   p.wind = true;
   p.wind_moment_nm = 30.0;
@@ -121,7 +110,7 @@ TEST(Forces, rigid_and_elastic_plants_have_the_same_moments) {
 
 // Gears from 2 K towards -4 K, the motor from 0 towards 60 K, 1 - exp(-1) of the way after a time constant.
 TEST(Forces, temperatures_act_with_their_signs) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.thermal = p.backlash = true;
   p.half_backlash_rad = 1e-3;
   p.half_backlash_rad_per_k = -1e-4;  // warm gears close the gap
@@ -145,7 +134,7 @@ TEST(Forces, temperatures_act_with_their_signs) {
 
 // The drive believes in 10 N m; the motor has 3 % less of torque constant, and loses as much again by 30 K.
 TEST(Forces, a_weak_motor_gives_less_than_its_drive_believes) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.torque_constant = true;
   p.torque_constant_ratio = 0.97;
   State x;
@@ -173,7 +162,7 @@ TEST(Forces, cold_grease_holds_back_more_in_both_directions) {
 
 // 1 + 2 x + 3 x^2 + 4 x^3 is 49 at 2 rad; 6 N m of friction of the cables are against the motion.
 TEST(Forces, cables_pull_by_their_angle_and_hold_back) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.cable = true;
   p.cable_moment_nm = 1.0;
   p.cable_moment_1_nm = 2.0;
@@ -199,7 +188,7 @@ TEST(Forces, what_is_switched_off_does_not_act) {
   State x = wound(0.005);
   x.hysteresis = 0.0;
   x.vel_motor = 3.0;
-  const auto f = at(simple(), x);
+  const auto f = at(simple_plant(), x);
   EXPECT_EQ(f.hysteresis_rate, 0.0);
   EXPECT_EQ(f.acc_base, 0.0);
   EXPECT_EQ(f.roller.torque, 0.0);
@@ -211,7 +200,7 @@ TEST(Forces, what_is_switched_off_does_not_act) {
 // 4 N m of hysteresis and a tenth of 20 N m in the spring, over 1 mrad: at 0.5 rad/s and no hysteresis yet it
 // grows by 6 N m x 0.5 / 1e-3 in a second; when it has come to 6 N m it grows no more.
 TEST(Forces, hysteresis_grows_up_to_its_level) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.hysteresis = true;
   p.hysteresis_torque_nm = 4.0;
   p.hysteresis_load_ratio = 0.1;
@@ -229,7 +218,7 @@ TEST(Forces, hysteresis_grows_up_to_its_level) {
 
 // In the gap the hysteresis is lost within 10 ms.
 TEST(Forces, hysteresis_decays_in_the_gap) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.hysteresis = p.backlash = true;
   p.hysteresis_torque_nm = 4.0;
   p.hysteresis_length_rad = 1e-3;
@@ -243,7 +232,7 @@ TEST(Forces, hysteresis_decays_in_the_gap) {
 
 // Full from 20 N m on: a wave of 2 N m, three times a turn of the motor, at 10 N m by half.
 TEST(Forces, ripple_grows_with_the_torque_up_to_its_amplitude) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.ripple = p.rigid = true;
   p.ripple_torque_nm = 2.0;
   p.ripple_full_torque_nm = 20.0;
@@ -261,7 +250,7 @@ TEST(Forces, ripple_grows_with_the_torque_up_to_its_amplitude) {
 
 // Bandwidth 1000 /s: after 1 ms exp(-1) of the difference is left.
 TEST(CurrentLoop, torque_goes_towards_its_command) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = simple_plant();
   p.current_bandwidth_rad_s = 1000.0;
   const CurrentLoop<double> loop(p, 1e-3);
   EXPECT_NEAR(loop.at_start(10.0, 4.0), 4.0, 1e-12);

@@ -3,25 +3,16 @@
 
 #include <cmath>
 
-#include "core/plant/gantry_sim.hpp"
+#include "example.hpp"
 
 namespace gantry {
 namespace {
 
 constexpr double kQuarter = 1.570796326794896619;
 
-// Ratio 10; at a quarter turn an eccentric moment of 100 N m and a wind of 30 N m drive the load, cables of
-// 20 N m too.
-PlantParams<double> simple() {
-  PlantParams<double> p;
-  p.ratio = 10.0;
-  p.inertia_motor_kg_m2 = 1.0;
-  p.inertia_load_kg_m2 = 50.0;
-  p.stiffness_1_nm_per_rad = 1000.0;
-  p.stiffness_2_nm_per_rad = 2000.0;
-  p.stiffness_3_nm_per_rad = 4000.0;
-  p.torque_1_nm = 10.0;
-  p.torque_2_nm = 30.0;
+// At a quarter turn an eccentric moment of 100 N m and a wind of 30 N m drive the load, cables of 20 N m too.
+PlantParams<double> loaded() {
+  PlantParams<double> p = example::simple_plant();
   p.eccentric_moment_nm = 100.0;
   p.wind_moment_nm = 30.0;
   p.cable_moment_nm = 20.0;
@@ -48,7 +39,7 @@ GantrySim<double> standing(const PlantParams<double>& p, double pos, bool servo_
 
 // 150 N m at the load are 15 N m of the motor against them.
 TEST(Standstill, drive_or_brake_holds_what_drives_the_load) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = loaded();
   p.rigid = true;
   const GantrySim<double> on = standing(p, kQuarter, true);
   EXPECT_NEAR(on.report.torque_mesh, -150.0, 1e-9);
@@ -67,7 +58,7 @@ TEST(Standstill, drive_or_brake_holds_what_drives_the_load) {
 // The spring of 0.045 rad at 150 N m - 10 to its first knee, 20 to its second, 120 beyond - and half the gap;
 // the base gives way by 130 N m / 1300 N m/rad.
 TEST(Standstill, gears_are_wound_up_by_what_they_carry) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = loaded();
   p.half_backlash_rad = 0.002;
   p.backlash = true;
   const double twist = 0.01 + 0.01 + 0.03 + 0.002;
@@ -85,7 +76,7 @@ TEST(Standstill, gears_are_wound_up_by_what_they_carry) {
 
 // An error of the gears that is ahead of the load takes the motor back.
 TEST(Standstill, motor_stands_where_the_errors_of_the_gears_put_it) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = loaded();
   p.eccentric_moment_nm = p.wind_moment_nm = p.cable_moment_nm = 0.0;
   p.error_ring_rad[0] = 1e-3;
   EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * kQuarter, 1e-12);
@@ -106,7 +97,7 @@ TEST(Standstill, motor_stands_where_the_errors_of_the_gears_put_it) {
 // A quarter wave of cogging drives the motor by 1.5 N m; the drive gives as much less. A warm motor of 0.8 of
 // its torque is asked for a quarter more.
 TEST(Standstill, drive_gives_what_cogging_and_a_warm_motor_leave_to_it) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = loaded();
   p.rigid = p.cogging = true;
   p.cogging_torque_nm = 1.5;
   p.cogging_order = 4;
@@ -120,7 +111,7 @@ TEST(Standstill, drive_gives_what_cogging_and_a_warm_motor_leave_to_it) {
 }
 
 TEST(Standstill, contacts_are_old_where_they_age) {
-  PlantParams<double> p = simple();
+  PlantParams<double> p = loaded();
   EXPECT_EQ(standing(p, 0.0, true).x.roller_age, 0.0);
   p.ageing = true;
   EXPECT_EQ(standing(p, 0.0, true).x.roller_age, 1.0);
@@ -130,7 +121,7 @@ TEST(Standstill, contacts_are_old_where_they_age) {
 // What holds at rest goes on holding: in a second nothing moves by as much as a micrometre at 4 m.
 TEST(Standstill, stays) {
   for (bool servo_on : {true, false}) {
-    PlantParams<double> p = simple();
+    PlantParams<double> p = loaded();
     p.wind_moment_nm = 0.0;
     p.wind = false;
     GantrySim<double> sim = standing(p, kQuarter, servo_on);
@@ -146,39 +137,83 @@ TEST(Standstill, stays) {
 TEST(Simulator, counts_in_its_own_resolution) {
   DriveParams<double> d = drive();
   d.position_count_rad = 4e-3;
-  GantrySim<double> sim(simple(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  GantrySim<double> sim(loaded(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
   sim.count_offset = 5.0;
   sim.x.pos_motor = 10.6e-3;
   EXPECT_NEAR(sim.counts(1e-3), 17.0, 1e-9);
   sim.x.pos_motor = -10.6e-3;
   EXPECT_NEAR(sim.counts(1e-3), -7.0, 1e-9);
-  GantrySim<double> ideal(simple(), drive(), 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  GantrySim<double> ideal(loaded(), drive(), 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
   ideal.x.pos_motor = 10.6e-3;
   EXPECT_NEAR(ideal.counts(1e-3), 10.6, 1e-9);
 }
 
 // The account of 5 s: half of it is 0.5; a drive of no more than its rated torque has none.
 TEST(Simulator, tells_the_used_part_of_its_overload) {
-  GantrySim<double> sim = standing(simple(), 0.0, true);
+  GantrySim<double> sim = standing(loaded(), 0.0, true);
   sim.s.overload = 2.5;
   EXPECT_NEAR(sim.overload(), 0.5, 1e-12);
   DriveParams<double> d = drive();
   d.torque_max_nm = d.torque_rated_nm;
-  GantrySim<double> none(simple(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  GantrySim<double> none(loaded(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
   EXPECT_EQ(none.overload(), 0.0);
 }
 
 TEST(Simulator, says_of_each_scan_whether_the_torque_was_limited) {
-  GantrySim<double> sim = standing(simple(), 0.0, true);
+  GantrySim<double> sim = standing(loaded(), 0.0, true);
   sim.scan({DriveMode::kSpeed, 1e6, 0.0}, true);
   EXPECT_TRUE(sim.limited());
   sim.scan({DriveMode::kOff, 0.0, 0.0}, true);
   EXPECT_FALSE(sim.limited());
 }
 
+// Load and base at 0.5 and 0.1 rad, turning with 3 and 1 rad/s, read 10 ms ago; the noise of reading 1 is
+// that of compensation_test.cpp.
+TEST(Simulator, reads_the_ring_against_the_base) {
+  GantrySim<double> sim = standing(loaded(), 0.0, true);
+  sim.x.pos_load = 0.5;
+  sim.x.pos_base = 0.1;
+  sim.x.vel_load = 3.0;
+  sim.x.vel_base = 1.0;
+  EXPECT_EQ(sim.ring_reading(), 0.0);
+  sim.ring_encoder.fitted = true;
+  sim.ring_encoder.latency_s = 0.01;
+  EXPECT_NEAR(sim.ring_reading(), 0.38, 1e-12);
+  sim.ring_encoder.noise_rad = 1e-3;
+  sim.scans_done = 1.0;
+  EXPECT_NEAR(sim.ring_reading(), 0.38 - 1e-3 * 74702.0 / 37837.0, 1e-12);
+}
+
+// A shaft that turns at 2 rad/s, 2 mrad in a scan, is read 1 ms late. At 4 mrad its encoder begins to go
+// backwards and jumps by half a radian: drive and reading see what it shows.
+TEST(Simulator, shows_the_shaft_as_its_encoder_does) {
+  PlantParams<double> p = loaded();
+  p.wind = p.cable = false;
+  p.eccentric_moment_nm = 0.0;
+  p.rigid = true;
+  DriveParams<double> d = drive();
+  d.latency_s = 1e-3;
+  GantrySim<double> sim(p, d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  sim.static_start(0.0, true);
+  sim.x.vel_motor = 2.0;
+  const DriveCommand<double> off{DriveMode::kOff, 0.0, 0.0};
+  sim.scan(off, true);
+  sim.scan(off, true);
+  EXPECT_NEAR(sim.vel_report(), 2.0, 1e-12);
+  EXPECT_NEAR(sim.counts(1e-3), 2.0, 1e-9);
+  EXPECT_EQ(sim.scans_done, 2.0);
+  sim.set_encoder_gain(-1.0);
+  sim.jump_encoder(0.5);
+  sim.scan(off, true);
+  EXPECT_NEAR(sim.counts(1e-3), 504.0, 1e-9);  // 504 - 2, and 2 mrad more 1 ms ago
+  sim.scan(off, true);
+  EXPECT_NEAR(sim.vel_report(), -2.0, 1e-9);
+  EXPECT_NEAR(sim.s.pos_last, 0.50225, 1e-9);  // 504 - 4 + 2 mrad, one drive cycle ago
+}
+
 // 8 drive cycles in a scan, of which every second is kept: four, the last at the end of the scan.
 TEST(Simulator, takes_samples_between_its_scans) {
-  GantrySim<double> sim = standing(simple(), 0.1, true);
+  GantrySim<double> sim = standing(loaded(), 0.1, true);
   sim.sample_every = 2;
   for (int scan = 0; scan < 2; ++scan) {
     sim.scan({DriveMode::kSpeed, 1.0, 0.0}, true);
