@@ -137,9 +137,11 @@ TEST(BacklashModel, least_misfit_is_found_between_the_models) {
     }
     return backlash_seen(p, s) / p.backlash_step_rad;
   };
-  for (double least : {0.0, 0.25, 0.75, 1.0, 1.25, 2.75, 3.25, 4.25, 5.25, 6.25, 6.75, 7.0})
+  for (double least : {0.0, 0.25, 0.75, 1.0, 1.25, 2.25, 2.75, 3.25, 4.25, 5.25, 6.25, 6.75, 7.0})
     EXPECT_NEAR(seen(least), least, 1e-9);
   EXPECT_NEAR(seen(-1.75), 0.0, 1e-12);
+  EXPECT_NEAR(seen(-0.4), 0.0, 1e-12);
+  EXPECT_NEAR(seen(7.4), 7.0, 1e-12);
   EXPECT_NEAR(seen(15.5), 7.0, 1e-12);
 }
 
@@ -244,6 +246,7 @@ TEST(BacklashScan, tells_only_of_a_known_load_that_is_accelerated) {
   EXPECT_EQ(misfit([](Scan& a) { a.r.acc = 0.0; }), 7.0);
   EXPECT_EQ(misfit([](Scan& a) { a.r.vel = 0.0; }), 7.0);
   EXPECT_EQ(misfit([](Scan& a) { a.torque = kNaN; }), 7.0);
+  EXPECT_EQ(misfit([](Scan& a) { a.torque = -1e12; }), 7.0);
   EXPECT_EQ(misfit([](Scan& a) { a.torque = 1e12; }), 7.0);  // 1e13 N m at the gantry
   EXPECT_EQ(misfit([](Scan& a) { a.x = 0.511; }), 7.0);
 }
@@ -276,7 +279,7 @@ TEST(BacklashScan, follows_in_motion) {
 
 // A motor that is not seen goes on with its speed, one that has jumped is where it says.
 TEST(BacklashScan, goes_on_without_an_angle) {
-  for (double x : {kNaN, 2e4}) {
+  for (double x : {kNaN, 1.2e4, -1.2e4}) {
     Scan scan;
     scan.x = x;
     scan.run();

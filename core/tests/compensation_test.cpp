@@ -441,6 +441,37 @@ TEST(CompensatedLaw, turns_its_direction_round_over_the_reversal_length) {
   EXPECT_NEAR(to(-1.0 + 5e-5), -0.5, 1e-10);
 }
 
+// From -1 half way to 0 in a scan of 1 ms: a lost motion of 1 urad turns round by 500 /s of it.
+TEST(CompensatedLaw, leads_a_reversal_by_its_speed) {
+  Params p;
+  p.reversal = true;
+  p.reversal_length_rad = 1e-4;
+  p.lost_motion.mean = 1e-6;
+  p.pos_limit_rad = 1.0;
+  PositionLawParams<double> law = example::law();
+  law.kpp_per_s = 0.0;
+  State s;
+  s.started = true;
+  s.direction = -1.0;
+  const auto out = compensated_law(law, p, s, {5e-5, 0.0, 0.0}, 0.0, 0.0, 0.0);
+  EXPECT_NEAR(out.law.vel_cmd_rad_s, law.ratio * 5e-4, 1e-9);
+}
+
+// The motor angle that the backlash observer works with is less the error of the gears.
+TEST(CompensatedLaw, shows_the_backlash_observer_the_motor_without_its_gear_error) {
+  Params p;
+  p.gear_map = true;
+  p.map.mean = 1e-3;
+  p.pos_limit_rad = 1.0;
+  const PositionLawParams<double> law = example::law();
+  for (bool observed : {true, false}) {
+    p.backlash_observer = observed;
+    State s;
+    compensated_law(law, p, s, {0.3, 0.0, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.0, 0.0);
+    EXPECT_NEAR(s.motor_last_rad, observed ? 0.299 : 0.0, 1e-12);
+  }
+}
+
 // Readings are 1 ms old: at 0.1 rad/s the motor is 0.1 mrad further on. On its set-point it gets the speed
 // fed forward and nothing more, and the angle shown is where it is.
 TEST(CompensatedLaw, counts_the_way_since_the_encoder_was_read) {

@@ -66,6 +66,9 @@ TEST(Drive, winds_its_integral_up_no_further_at_the_limit_but_down) {
     EXPECT_EQ(shaft.s.integral, side * 80.0);
     shaft.cycle(DriveMode::kSpeed, -side * 1.0, 0.0);  // 158 N m wanted, less is asked for
     EXPECT_NEAR(shaft.s.integral, side * (80.0 - 0.0125), 1e-9);
+    shaft.s.integral = side * 74.9;
+    shaft.cycle(DriveMode::kSpeed, side * 0.5, 0.0);  // 150.8 N m: however little more it is
+    EXPECT_EQ(shaft.s.integral, side * 74.9);
   }
 }
 
@@ -94,6 +97,7 @@ TEST(Drive, without_power_gives_no_torque_at_once_and_begins_where_the_shaft_is)
   shaft.cycle(DriveMode::kOff, 1e4, 0.0);  // more than it could give, and nothing is asked for
   EXPECT_FALSE(shaft.limited);
   EXPECT_EQ(DriveCommand<double>().vel_cmd_rad_s, 0.0);
+  EXPECT_TRUE(DriveCommand<double>().off);
   EXPECT_EQ(DriveCommand<double>().torque_ff_nm, 0.0);
 }
 

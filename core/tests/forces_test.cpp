@@ -106,6 +106,7 @@ TEST(Forces, rigid_and_elastic_plants_have_the_same_moments) {
   p.rigid = true;
   EXPECT_NEAR(at(p, x).acc_motor, (13.0 + 2.0) / 1.5, 1e-9);
   EXPECT_NEAR(at(p, x).acc_load, (13.0 + 2.0) / 15.0, 1e-9);
+  EXPECT_NEAR(at(p, x).torque_mesh, 50.0 - 130.0, 1e-9);
 }
 
 // Gears from 2 K towards -4 K, the motor from 0 towards 60 K, 1 - exp(-1) of the way after a time constant.
@@ -246,6 +247,68 @@ TEST(Forces, ripple_grows_with_the_torque_up_to_its_amplitude) {
       EXPECT_NEAR(at(p, x).acc_motor, (torque + size) / 1.5, 1e-9);
     }
   }
+}
+
+// A wave of 2 N m, three or twelve times a turn of the motor, at its top.
+TEST(Forces, cogging_turns_the_motor) {
+  PlantParams<double> p = simple_plant();
+  p.cogging = p.rigid = true;
+  p.cogging_torque_nm = 2.0;
+  for (int order : {3, 12}) {
+    p.cogging_order = order;
+    State x;
+    x.pos_motor = kQuarter / order;
+    x.pos_load = x.pos_motor / 10.0;
+    EXPECT_NEAR(at(p, x).acc_motor, 2.0 / 1.5, 1e-9);
+  }
+}
+
+// An error of 5 mrad winds the spring up; where it is only beginning, 5 mrad per radian, it changes the ratio
+// of 0.1 or 1 by which speeds come to the mesh and its torque goes back: a damper of 100 N m s/rad, 1 rad/s
+// of one side.
+TEST(Forces, errors_of_the_gears_wind_the_spring_and_change_the_ratio) {
+  PlantParams<double> p = simple_plant();
+  p.gear_error = true;
+  p.damping_nm_s_per_rad = 100.0;
+  p.error_ring_rad[0] = 0.005;
+  p.phase_ring_rad[0] = kQuarter;
+  EXPECT_NEAR(at(p, State()).torque_mesh, 5.0, 1e-9);
+  p.phase_ring_rad[0] = 0.0;
+  State x;
+  x.vel_load = 1.0;
+  EXPECT_NEAR(at(p, x).torque_mesh, -99.5, 1e-9);
+  EXPECT_NEAR(at(p, x).acc_load, -99.5 * 0.995 / 50.0, 1e-9);
+  p.error_ring_rad[0] = 0.0;
+  p.error_reducer_1x_rad = 0.005;
+  State turning;
+  turning.vel_motor = 1.0;
+  EXPECT_NEAR(at(p, turning).torque_mesh, 10.5, 1e-9);
+  EXPECT_NEAR(at(p, turning).acc_motor, -10.5 * 0.105, 1e-9);
+  p.error_reducer_1x_rad = 0.0;
+  p.error_pinion_rad = 0.005;
+  p.phase_pinion_rad = kQuarter;
+  EXPECT_NEAR(at(p, State()).torque_mesh, 5.0, 1e-9);
+}
+
+// Two teeth of the pinion, which turns half as fast as the motor, 4 mrad apart: half of it in the middle of
+// the passage, with 1.875 / pi of it per radian of the motor.
+TEST(Forces, errors_of_single_teeth_wind_the_spring_and_change_the_ratio) {
+  PlantParams<double> p = simple_plant();
+  p.tooth_pitch = true;
+  p.ring_teeth = 4;
+  p.pinion_teeth = 2;
+  p.reducer_ratio = 2.0;
+  p.contact_ratio = 1.5;
+  p.pitch.pinion_rad[1] = 4e-3;
+  p.damping_nm_s_per_rad = 100.0;
+  State x;
+  x.pos_motor = 3.0 * kQuarter;
+  x.pos_load = 0.3 * kQuarter;
+  EXPECT_NEAR(at(p, x).torque_mesh, 2.0, 1e-9);
+  x.vel_motor = 1.0;
+  const double ratio = 0.1 + 4e-3 * 1.875 / (2.0 * kQuarter);
+  EXPECT_NEAR(at(p, x).torque_mesh, 2.0 + 100.0 * ratio, 1e-9);
+  EXPECT_NEAR(at(p, x).acc_motor, -(2.0 + 100.0 * ratio) * ratio, 1e-9);
 }
 
 // Bandwidth 1000 /s: after 1 ms exp(-1) of the difference is left.

@@ -93,7 +93,8 @@ TEST(ToothPitch, passes_from_one_tooth_to_the_next) {
   EXPECT_NEAR(at(0.9).error, 3.76832e-6, 1e-18);
   EXPECT_NEAR(at(1.25).error, 4e-6, 1e-18);
   EXPECT_NEAR(at(1.25).slope, 0.0, 1e-18);
-  EXPECT_NEAR(at(-0.25).error, -1e-6, 1e-18);  // the last tooth is also the one before the first
+  EXPECT_NEAR(at(-0.25).error, -1e-6, 1e-18);   // the last tooth is also the one before the first
+  EXPECT_NEAR(at(-12.25).error, -1e-6, 1e-18);  // three turns before it
   EXPECT_NEAR(at(3.75).error, -1e-6, 1e-18);
   // w passes at 2 x 4 / (2 pi) per radian: slope 30 w^2 (1-w)^2, curvature 60 w (1-w) (1-2w) of it.
   const double rate = 4.0 / kPi;
@@ -115,6 +116,27 @@ TEST(ToothPitch, of_the_pinion_goes_with_the_motor_through_the_reducer) {
   EXPECT_NEAR(pinion_pitch_error(p, -0.5 * kPi).error, 2e-6, 1e-18);
 }
 
+// Four waves in a turn, at their top where the second of four teeth is 0.9 of a pitch behind: errors, slopes
+// and curvatures of both, of which the wave has no slope there.
+TEST(Anchor, ring_has_the_errors_of_its_waves_and_of_its_teeth) {
+  PlantParams<double> p;
+  p.gear_error = p.tooth_pitch = true;
+  p.ring_teeth = 4;
+  p.contact_ratio = 1.5;
+  p.pitch.ring_rad[1] = 4e-6;
+  p.error_ring_rad[3] = 1e-6;
+  p.phase_ring_rad[3] = 0.5 * kPi - 1.8 * kPi;
+  PlantState<double> x;
+  x.pos_load = 0.3 + 0.45 * kPi;
+  x.pos_base = 0.3;
+  const Anchor<double> anchor(p, GearError<double>(p), x, 0.0);
+  const double rate = 4.0 / kPi;
+  EXPECT_NEAR(anchor.ring.error, 1e-6 + 3.76832e-6, 1e-17);
+  EXPECT_NEAR(anchor.ring.slope, 4e-6 * rate * 0.768, 1e-16);
+  EXPECT_NEAR(anchor.ring.curvature, -16e-6 - 4e-6 * rate * rate * 5.76, 1e-15);
+  EXPECT_NEAR(anchor.ring.rho, 0.45 * kPi, 1e-15);
+}
+
 // 30 N m and a gust of 10 sin(0.1 t + 0.2), which has half its size after 5 s and all of it from 10 s on.
 TEST(Wind, rises_within_ten_seconds) {
   PlantParams<double> p;
@@ -122,6 +144,8 @@ TEST(Wind, rises_within_ten_seconds) {
   p.wind_wave_nm[1] = 10.0;
   p.wind_rate_rad_s[1] = 0.1;
   p.wind_phase_rad[1] = 0.2;
+  p.wind_rate_rad_s[0] = 0.3;  // of a wave without size
+  p.wind_phase_rad[0] = 0.5;
   EXPECT_NEAR(wind_moment(p, 0.0), 30.0, 1e-12);
   EXPECT_NEAR(wind_moment(p, 5.0), 30.0 + 5.0 * std::sin(0.7), 1e-12);
   EXPECT_NEAR(wind_moment(p, 20.0), 30.0 + 10.0 * std::sin(2.2), 1e-12);

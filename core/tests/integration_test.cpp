@@ -145,6 +145,11 @@ TEST(Integration, contacts_age_at_rest) {
       pass(sim, 1.0);
       EXPECT_NEAR(sim.x.roller_age, rollers ? 1.0 - std::exp(-0.5) : 0.0, 1e-11);
       EXPECT_NEAR(sim.x.motor_age, rollers ? 0.0 : 1.0 - std::exp(-2.0), 1e-11);
+      p.ageing = false;
+      GantrySim<double> without = at_rest(p, scheme);
+      pass(without, 0.1);
+      EXPECT_EQ(without.x.roller_age, 0.0);
+      EXPECT_EQ(without.x.motor_age, 0.0);
     }
 }
 

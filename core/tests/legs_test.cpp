@@ -273,6 +273,36 @@ TEST(RunJobs, takes_any_number_of_plants) {
   }
 }
 
+TEST(LogRow, shows_the_state_of_its_plant) {
+  GantrySim<double> sim = example::sim();
+  sim.x.pos_motor = 1.0;
+  sim.x.vel_motor = 2.0;
+  sim.x.pos_load = 3.0;
+  sim.x.vel_load = 4.0;
+  sim.x.pos_base = 5.0;
+  sim.x.vel_base = 6.0;
+  sim.x.torque_motor = 7.0;
+  sim.report.torque_mesh = 8.0;
+  sim.report.vel = 9.0;
+  sim.report.limited = true;
+  sim.ring_encoder.fitted = true;
+  const LogRow<double> row = state_row(sim);
+  EXPECT_EQ(row.pos_motor_rad, 1.0);
+  EXPECT_EQ(row.vel_motor_rad_s, 2.0);
+  EXPECT_EQ(row.pos_load_rad, 3.0);
+  EXPECT_EQ(row.vel_load_rad_s, 4.0);
+  EXPECT_EQ(row.pos_base_rad, 5.0);
+  EXPECT_EQ(row.vel_base_rad_s, 6.0);
+  EXPECT_EQ(row.torque_act_nm, 7.0);
+  EXPECT_EQ(row.torque_mesh_nm, 8.0);
+  EXPECT_EQ(row.vel_report_rad_s, 9.0);
+  EXPECT_EQ(row.torque_limited, 1.0);
+  EXPECT_EQ(row.pos_ring_rad, -2.0);
+  EXPECT_EQ(row.counts, 0.0);
+  sim.report.limited = false;
+  EXPECT_EQ(state_row(sim).torque_limited, 0.0);
+}
+
 // The entry points for one plant, over the instruction sets.
 TEST(Kernels, scan_and_run_with_the_same_bits) {
   constexpr std::size_t kScans = 300;

@@ -189,6 +189,7 @@ TEST(MomentObserver, solves_its_three_equations) {
   const Moment<double> found = moment_change(p, s);
   EXPECT_NEAR(found.sine_nm, 1.0, 1e-12);
   EXPECT_NEAR(found.cosine_nm, 2.0, 1e-12);
+  EXPECT_NEAR(friction_change(p, s), 3.0, 1e-12);
   EXPECT_EQ(size_of(Moment<double>{3.0, -4.0}), 5.0);
 }
 

@@ -37,6 +37,18 @@ GantrySim<double> standing(const PlantParams<double>& p, double pos, bool servo_
   return sim;
 }
 
+// Whatever was before: a brake on its way, an encoder that failed, scans that were counted.
+TEST(Standstill, begins_anew) {
+  GantrySim<double> sim = standing(loaded(), 0.1, true);
+  sim.brake.countdown = 5.0;
+  sim.scans_done = 7.0;
+  sim.set_encoder_gain(0.0);
+  sim.static_start(kQuarter, false);
+  EXPECT_EQ(sim.brake.countdown, 0.0);
+  EXPECT_EQ(sim.scans_done, 0.0);
+  EXPECT_FALSE(sim.encoder.spoilt);
+}
+
 // 150 N m at the load are 15 N m of the motor against them.
 TEST(Standstill, drive_or_brake_holds_what_drives_the_load) {
   PlantParams<double> p = loaded();
