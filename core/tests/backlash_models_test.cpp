@@ -249,6 +249,7 @@ TEST(BacklashScan, tells_only_of_a_known_load_that_is_accelerated) {
   EXPECT_EQ(misfit([](Scan& a) { a.torque = -1e12; }), 7.0);
   EXPECT_EQ(misfit([](Scan& a) { a.torque = 1e12; }), 7.0);  // 1e13 N m at the gantry
   EXPECT_EQ(misfit([](Scan& a) { a.x = 0.511; }), 7.0);
+  EXPECT_EQ(misfit([](Scan& a) { a.x = 0.489; }), 7.0);
 }
 
 // What is seen and not yet in use is followed by half in each scan in motion: of the backlash the way from
