@@ -32,6 +32,14 @@ TEST(Brake, opens_after_exactly_its_dead_time) {
   EXPECT_EQ(cycles_until(closed, true, 1200, 0), 0);
 }
 
+TEST(Brake, without_a_dead_time_follows_at_once) {
+  Brake<double> brake{false, 0};
+  EXPECT_TRUE(brake.command(false, 0.0, 0.0));
+  EXPECT_TRUE(brake.closed);
+  EXPECT_TRUE(brake.command(true, 0.0, 0.0));
+  EXPECT_FALSE(brake.closed);
+}
+
 TEST(Brake, stays_where_it_is_commanded) {
   EXPECT_EQ(cycles_until(Brake<double>{true, 0}, false, 5, 5), -1);
   EXPECT_EQ(cycles_until(Brake<double>{false, 0}, true, 5, 5), -1);
@@ -73,7 +81,10 @@ TEST(Brake, opened_forgets_its_spring) {
   GantrySim<double> sim = example::sim();
   sim.static_start(0.5, false);
   EXPECT_NE(sim.x.brake_z, 0.0);
-  for (int k = 0; k < 100; ++k) sim.scan({DriveMode::kOff, 0.0, 0.0}, true);
+  for (int k = 0; k < 100; ++k) {
+    EXPECT_TRUE(sim.brake.closed) << "scan " << k;
+    sim.scan({DriveMode::kOff, 0.0, 0.0}, true);
+  }
   EXPECT_FALSE(sim.brake.closed);
   EXPECT_EQ(sim.x.brake_z, 0.0);
 }

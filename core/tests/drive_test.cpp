@@ -158,6 +158,16 @@ TEST(Drive, overload_account_fills_falls_and_has_an_end) {
   EXPECT_EQ(shaft.s.overload, 0.0);
 }
 
+// A drive of less than its rated torque has no more, cold or warm.
+TEST(Drive, without_an_overload_gives_what_it_has) {
+  DriveParams<double> p = simple();
+  p.torque_max_nm = 80.0;
+  Shaft shaft(p);
+  EXPECT_EQ(torque_limit(shaft.drive, shaft.s), 80.0);
+  shaft.s.overload = 1e3;
+  EXPECT_EQ(torque_limit(shaft.drive, shaft.s), 80.0);
+}
+
 TEST(Drive, an_encoder_shows_where_the_shaft_was) {
   DriveParams<double> p = simple();
   p.latency_s = 1e-3;
@@ -171,6 +181,10 @@ TEST(EncoderFault, goes_on_from_what_it_showed) {
   EncoderFault<double> fault;
   EXPECT_EQ(fault.position(7.0), 7.0);
   EXPECT_EQ(fault.speed(3.0), 3.0);
+  EncoderFault<double> jumped;
+  jumped.jump(0.5, 7.0);
+  EXPECT_EQ(jumped.position(8.0), 8.5);
+  EXPECT_EQ(jumped.speed(3.0), 3.0);
   fault.set_gain(0.0, 7.0);  // frozen at 7
   EXPECT_EQ(fault.position(9.0), 7.0);
   EXPECT_EQ(fault.speed(3.0), 0.0);

@@ -53,6 +53,7 @@ TEST(Forces, flanks_push_and_do_not_pull) {
   EXPECT_EQ(at(p, wound(0.002)).torque_mesh, 0.0);
   EXPECT_NEAR(at(p, wound(0.005)).torque_mesh, 3.0, 1e-9);
   EXPECT_NEAR(at(p, wound(-0.005)).torque_mesh, -3.0, 1e-9);
+  EXPECT_NEAR(at(p, wound(0.0025)).torque_mesh, 0.5, 1e-9);
   State x = wound(0.005);
   x.vel_load = 0.1;  // leaves the flank: 3 N m of the spring, 10 N m of the damper against it
   EXPECT_EQ(at(p, x).torque_mesh, 0.0);
@@ -87,6 +88,10 @@ TEST(Forces, friction_and_brake_hold_back_in_both_directions) {
     EXPECT_NEAR(at(p, x).acc_motor, -side * 2.0, 1e-9);
     EXPECT_NEAR(at(p, x).acc_load, -side * 20.0 / 50.0, 1e-9);
     EXPECT_NEAR(at(p, x, true).acc_motor, -side * 402.0, 1e-6);
+    PlantParams<double> rigid = p;  // 2 N m of the rollers at the motor
+    rigid.rigid = true;
+    EXPECT_NEAR(at(rigid, x).acc_motor, -side * 4.0 / 1.5, 1e-9);
+    EXPECT_NEAR(at(rigid, x, true).acc_motor, -side * 404.0 / 1.5, 1e-6);
   }
 }
 
@@ -109,6 +114,52 @@ TEST(Forces, rigid_and_elastic_plants_have_the_same_moments) {
   EXPECT_NEAR(at(p, x).torque_mesh, 50.0 - 130.0, 1e-9);
 }
 
+// What slides steadily stays where it is: the motor with its 2 N m, a tenth of 50 N m in the mesh through the
+// ratio of 10 and half of 4 N m of age; the rollers with 20 N m and a quarter of 40 N m.
+TEST(Forces, load_and_age_raise_the_friction) {
+  PlantParams<double> p = simple_plant();
+  p.motor_friction = p.roller_friction = true;
+  p.motor_coulomb_nm = p.motor_breakaway_nm = 2.0;
+  p.roller_coulomb_nm = p.roller_breakaway_nm = 20.0;
+  p.motor_presliding_rad = p.roller_presliding_rad = 1e-3;
+  p.motor_stribeck_rad_s = p.roller_stribeck_rad_s = 1e-3;
+  p.motor_load_ratio = 0.1;
+  p.motor_ageing_nm = 4.0;
+  p.roller_ageing_nm = 40.0;
+  for (double side : {1.0, -1.0}) {
+    State x = wound(side * 0.025);
+    x.vel_motor = 10.0;
+    x.vel_load = 1.0;
+    x.motor_age = 0.5;
+    x.roller_age = 0.25;
+    for (bool aged : {true, false}) {
+      p.ageing = aged;
+      x.motor_z = (aged ? 4.5 : 2.5) / 2000.0;
+      x.roller_z = (aged ? 30.0 : 20.0) / 20000.0;
+      EXPECT_NEAR(at(p, x).motor.z_rate, 0.0, 1e-9);
+      EXPECT_NEAR(at(p, x).roller.z_rate, 0.0, 1e-9);
+    }
+  }
+}
+
+// At 10 K viscous friction is 1.3 times as much, of motor and rollers.
+TEST(Forces, cold_gears_are_harder_to_turn) {
+  PlantParams<double> p = simple_plant();
+  p.motor_friction = p.roller_friction = true;
+  p.motor_viscous_nm_s_per_rad = 5.0;
+  p.roller_viscous_nm_s_per_rad = 50.0;
+  p.gear_temp_start_k = p.gear_temp_end_k = -10.0;
+  p.viscosity_per_k = -0.1 * std::log(1.3);
+  State x;
+  x.vel_motor = 2.0;
+  x.vel_load = 0.2;
+  for (const auto& [thermal, torque] : {std::pair{false, 10.0}, {true, 13.0}}) {
+    p.thermal = thermal;
+    EXPECT_NEAR(at(p, x).motor.torque, torque, 1e-9);
+    EXPECT_NEAR(at(p, x).roller.torque, torque, 1e-9);
+  }
+}
+
 // Gears from 2 K towards -4 K, the motor from 0 towards 60 K, 1 - exp(-1) of the way after a time constant.
 TEST(Forces, temperatures_act_with_their_signs) {
   PlantParams<double> p = simple_plant();
@@ -126,6 +177,12 @@ TEST(Forces, temperatures_act_with_their_signs) {
   EXPECT_NEAR(begin.viscosity, std::exp(-0.1), 1e-12);
   EXPECT_NEAR(begin.motor_torque, 1.0, 1e-12);
   EXPECT_NEAR(later.motor_torque, 1.0 - 0.06 * 0.632120559, 1e-9);
+  const double gears = 2.0 - 6.0 * 0.632120559;
+  EXPECT_NEAR(later.half_backlash, 1e-3 - 1e-4 * gears, 1e-12);
+  EXPECT_NEAR(later.viscosity, std::exp(-0.05 * gears), 1e-9);
+  p.half_backlash_rad = 1e-4;
+  EXPECT_EQ(Thermal<double>(p, 0.0).half_backlash, 0.0);  // and no less
+  p.half_backlash_rad = 1e-3;
   EXPECT_NEAR(end.half_backlash, 1.4e-3, 1e-12);
   EXPECT_NEAR(end.motor_torque, 0.94, 1e-9);
   State x;
@@ -214,6 +271,10 @@ TEST(Forces, hysteresis_grows_up_to_its_level) {
     x.hysteresis = side * 6.0;
     EXPECT_NEAR(at(p, x).hysteresis_rate, 0.0, 1e-6);
     EXPECT_NEAR(at(p, x).torque_mesh, side * 26.0, 1e-9);
+    PlantParams<double> flank = p;  // on its flank as without a gap
+    flank.backlash = true;
+    x.hysteresis = 0.0;
+    EXPECT_NEAR(at(flank, x).hysteresis_rate, side * 3000.0, 1e-6);
   }
 }
 
@@ -239,12 +300,16 @@ TEST(Forces, ripple_grows_with_the_torque_up_to_its_amplitude) {
   p.ripple_full_torque_nm = 20.0;
   for (int order : {3, 12}) {
     p.ripple_order = order;
-    for (const auto& [torque, size] : {std::pair{10.0, 1.0}, {-10.0, 1.0}, {20.0, 2.0}, {40.0, 2.0}}) {
+    for (const auto& [torque, size] :
+         {std::pair{10.0, 1.0}, {-10.0, 1.0}, {20.0, 2.0}, {25.0, 2.0}, {40.0, 2.0}}) {
       State x;
       x.pos_motor = kQuarter / order;
       x.pos_load = x.pos_motor / 10.0;
       x.torque_motor = torque;
       EXPECT_NEAR(at(p, x).acc_motor, (torque + size) / 1.5, 1e-9);
+      x.pos_motor = kQuarter / order / 3.0;  // 30 deg of the wave: half of it
+      x.pos_load = x.pos_motor / 10.0;
+      EXPECT_NEAR(at(p, x).acc_motor, (torque + 0.5 * size) / 1.5, 1e-9);
     }
   }
 }

@@ -70,6 +70,14 @@ TEST(Friction, slides_steadily_at_the_stribeck_curve) {
   }
 }
 
+// At its Stribeck speed of 2 rad/s exp(-1) of the difference is left.
+TEST(Friction, stribeck_curve_has_its_speed) {
+  const FrictionParams<double> p(5.0, 6.0, 2.0, 0.0, 0.005, 0.0, 1.0);
+  const double level = 5.0 + std::exp(-1.0);
+  EXPECT_NEAR(friction<false>(p, gate_of(kRatio), 2.0, 0.0051).slip_rate * level,
+              2.0 * 1000.0 * sliding_gate(2.0, 0.0051, 1000.0 / level, kRatio), 1e-9);
+}
+
 TEST(Friction, is_odd_in_speed_and_state) {
   for (double v : {0.01, 1.0, 6.0})
     for (double z : {0.001, 0.0047, 0.0059}) {
@@ -104,6 +112,8 @@ TEST(Friction, load_torque_raises_the_level) {
   const double z_ss = (5.5 + extra) / 1100.0;
   EXPECT_NEAR(friction<true>(motor(), gate_of(kRatio), v, z_ss * (1.0 + 1e-15), extra).torque,
               5.5 + extra + 0.03 * v, 1e-11);
+  EXPECT_NEAR(friction<true>(motor(), gate_of(kRatio), v, z_ss * (1.0 + 1e-15), extra).z_rate, 0.0,
+              1e-12 * v);
 }
 
 TEST(Friction, step_is_the_exact_solution_for_held_speed) {

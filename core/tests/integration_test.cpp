@@ -184,6 +184,8 @@ TEST(Integration, states_of_friction_are_ways) {
   p.roller_coulomb_nm = p.roller_breakaway_nm = p.motor_coulomb_nm = p.motor_breakaway_nm = 1.0;
   p.roller_presliding_rad = p.motor_presliding_rad = p.cable_presliding_rad = 0.1;
   p.cable_friction_nm = 1.0;
+  p.brake_torque_nm = 1.0;
+  p.brake_presliding_rad = 0.1;
   p.hysteresis_torque_nm = 4.0;
   p.hysteresis_length_rad = 0.1;
   for (Scheme scheme : kSchemes) {
@@ -197,6 +199,9 @@ TEST(Integration, states_of_friction_are_ways) {
     EXPECT_NEAR(sim.x.cable_z, 0.01, 1e-12);
     EXPECT_NEAR(sim.x.brake_z, 0.0, 1e-12);
     EXPECT_NEAR(sim.x.hysteresis, 40.0 * (0.0025 - 0.01), 1e-9);
+    sim.brake.closed = true;
+    pass(sim, 0.5);
+    EXPECT_NEAR(sim.x.brake_z, 0.025, 1e-8);
   }
 }
 

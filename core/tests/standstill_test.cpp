@@ -43,7 +43,11 @@ TEST(Standstill, begins_anew) {
   sim.brake.countdown = 5.0;
   sim.scans_done = 7.0;
   sim.set_encoder_gain(0.0);
+  sim.x.roller_z = sim.s.vel_filtered = sim.report.vel = 1.0;
   sim.static_start(kQuarter, false);
+  EXPECT_EQ(sim.x.roller_z, 0.0);
+  EXPECT_EQ(sim.s.vel_filtered, 0.0);
+  EXPECT_EQ(sim.vel_report(), 0.0);
   EXPECT_EQ(sim.brake.countdown, 0.0);
   EXPECT_EQ(sim.scans_done, 0.0);
   EXPECT_FALSE(sim.encoder.spoilt);
@@ -58,6 +62,7 @@ TEST(Standstill, drive_or_brake_holds_what_drives_the_load) {
   EXPECT_NEAR(on.x.torque_motor, -15.0, 1e-9);
   EXPECT_NEAR(on.s.torque_set, -15.0, 1e-9);
   EXPECT_NEAR(on.s.integral, -7.5, 1e-9);
+  EXPECT_NEAR(on.x.pos_motor, 10.0 * kQuarter, 1e-12);
   EXPECT_EQ(on.x.brake_z, 0.0);
   EXPECT_FALSE(on.brake.closed);
   EXPECT_NEAR(on.s.pos_last, 10.0 * kQuarter, 1e-12);
@@ -84,6 +89,16 @@ TEST(Standstill, gears_are_wound_up_by_what_they_carry) {
   const GantrySim<double> rocked = standing(p, kQuarter, true);
   EXPECT_NEAR(rocked.x.pos_base, -0.1, 1e-12);
   EXPECT_NEAR(rocked.x.pos_motor, 10.0 * (kQuarter + 0.1 + twist), 1e-9);
+  p.gear_error = true;  // of the ring against the base
+  p.error_ring_rad[0] = 1e-3;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * (kQuarter + 0.1 + twist - 1e-3 * std::cos(0.1)),
+              1e-9);
+  p.gear_error = p.wind = p.cable = false;
+  p.eccentric_moment_nm = 0.5;
+  p.base_stiffness_nm_per_rad = 1e12;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * (kQuarter - 0.0025), 1e-9);
+  p.eccentric_moment_nm = 0.0;  // in the middle of its gap
+  EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * kQuarter, 1e-9);
 }
 
 // An error of the gears that is ahead of the load takes the motor back.
@@ -120,6 +135,10 @@ TEST(Standstill, drive_gives_what_cogging_and_a_warm_motor_leave_to_it) {
   p.torque_constant_per_k = -0.01;
   p.motor_temp_start_k = 20.0;
   EXPECT_NEAR(standing(p, kQuarter, true).x.torque_motor, -15.0 / 0.8, 1e-9);
+  p.thermal = false;
+  p.torque_constant = true;
+  p.torque_constant_ratio = 0.5;
+  EXPECT_NEAR(standing(p, kQuarter, true).x.torque_motor, -30.0, 1e-9);
 }
 
 TEST(Standstill, contacts_are_old_where_they_age) {
@@ -235,6 +254,14 @@ TEST(Simulator, takes_samples_between_its_scans) {
     EXPECT_EQ(sim.samples[3].values[5], 0.0);
     EXPECT_NE(sim.samples[2].values[0], sim.x.pos_motor);
   }
+  sim.sample_every = 4;
+  sim.scan({DriveMode::kOff, 0.0, 0.0}, false);  // the brake closes at once
+  ASSERT_EQ(sim.samples.size(), 2u);
+  EXPECT_EQ(sim.samples[1].values[0], sim.x.pos_motor);
+  EXPECT_EQ(sim.samples[1].values[5], 1.0);
+  sim.sample_every = 1;
+  sim.scan({DriveMode::kOff, 0.0, 0.0}, false);
+  EXPECT_EQ(sim.samples.size(), 8u);
 }
 
 }  // namespace
