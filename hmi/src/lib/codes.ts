@@ -3,7 +3,7 @@
 /** Chinese of every code: title, message, cause, what to do. English comes from the service. */
 export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do', string>> = {
   'ENC-01': {"title": "位置跳变", "message": "一个扫描周期内位置跳变 {measured:.4f}°，限值 {limit:.4f}°", "cause": "读数变化超过轴在一个扫描周期内可能的运动。位置不再有效。", "to_do": "请勿复位。检查编码器电缆和插头，然后联系维修。"},
-  'ENC-02': {"title": "编码器冻结", "message": "{measured}时编码器值 {time_ms:.0f} ms 未变化", "cause": "编码器、其电缆或其信号处理已停止，或电机被卡住。", "to_do": "请勿复位。检查编码器电缆和插头，然后联系维修。"},
+  'ENC-02': {"title": "编码器冻结", "message": "{measured}时编码器值 {time_ms:.0f} ms 未变化", "cause": "编码器、其电缆或其信号处理已停止，电机被卡住，或驱动器不输出转矩。", "to_do": "请勿复位。检查编码器电缆和插头，然后联系维修。"},
   'ENC-03': {"title": "一次编码器坏读数", "message": "{measured} 次编码器坏读数，已用预测值代替", "cause": "一次读数校验错误。单次可以跨越；已计数。", "to_do": "若再次出现：检查编码器电缆的屏蔽和插头。"},
   'ENC-04': {"title": "编码器坏读数过多", "message": "{time_ms:.0f} ms 内有 {measured} 次编码器坏读数，限值 {limit}", "cause": "连续校验错误：电缆、屏蔽、插头或编码器。", "to_do": "请勿复位。检查编码器电缆和插头，然后联系维修。"},
   'ENC-05': {"title": "编码器报警", "message": "编码器自身报警", "cause": "编码器内部的光源、信号幅值、位置错误或供电。", "to_do": "请勿复位。用驱动器工具读取编码器报警字并联系维修。"},
@@ -154,7 +154,7 @@ export const WORDS: Record<string, string> = {
   WHILE_COMMANDED: "指令为 {value:.2f} °/s",
   WHILE_READ: "此前读数为 {value:.2f} °/s",
   WHILE_TORQUE: "转矩 {value:+.1f} N m 使电机转动",
-  WHILE_MOVED: "电机移动 {value:.0f} 个计数",
+  WHILE_DITHERED: "命令电机往返移动 {value:.0f} 个计数",
   POSITION_AWAY: "位置与速度积分相差 {value:.4f}°，限值 {limit:.4f}°",
   GROWS_AGAINST: "速度逆着 {torque:+.0f} N m 的转矩增至 {speed:.2f} °/s",
   TURNED_AGAINST: "读数逆着 {torque:+.1f} N m 的转矩转动 {value:.0f} 个计数",

@@ -29,9 +29,10 @@ ENCODER: Final = (
         Code.ENC_02, _STOP, _TO,
         Text("Encoder frozen",
              "Encoder value unchanged for {time_ms:.0f} ms while {measured}",
-             "The encoder, its cable or its evaluation has stopped, or the motor is blocked.", _CALL),
+             "The encoder, its cable or its evaluation has stopped, the motor is blocked, "
+             "or the drive gives no torque.", _CALL),
         Text("编码器冻结", "{measured}时编码器值 {time_ms} ms 未变化",
-             "编码器、其电缆或其信号处理已停止，或电机被卡住。", _CALL_ZH),
+             "编码器、其电缆或其信号处理已停止，电机被卡住，或驱动器不输出转矩。", _CALL_ZH),
         lock=True,
     ),
     # Fault catalogue A4: one reading is bridged by prediction, which may be wrong by 0.001 deg at most.

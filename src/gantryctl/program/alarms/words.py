@@ -30,7 +30,10 @@ class Words(Enum):
     WHILE_COMMANDED = "{value:.2f} deg/s was commanded", "指令为 {value} °/s"
     WHILE_READ = "{value:.2f} deg/s had been read before", "此前读数为 {value} °/s"
     WHILE_TORQUE = "a torque of {value:+.1f} N m turned the motor", "转矩 {value} N m 使电机转动"
-    WHILE_MOVED = "the motor was moved by {value:.0f} counts", "电机移动 {value} 个计数"
+    WHILE_DITHERED = (
+        "the motor was commanded to move by {value:.0f} counts, forth and back",
+        "命令电机往返移动 {value} 个计数",
+    )
     POSITION_AWAY = (
         "Position {value:.4f} deg away from what the speed adds up to, limit {limit:.4f} deg",
         "位置与速度积分相差 {value}°，限值 {limit}°",

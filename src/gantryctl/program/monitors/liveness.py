@@ -132,7 +132,7 @@ class Liveness:
                 self._begin()
             else:
                 self._tries = 0
-                self._frozen(Words.WHILE_MOVED(value=_DITHER_COUNTS[-1]))
+                self._frozen(Words.WHILE_DITHERED(value=_DITHER_COUNTS[-1]))
 
     def _frozen(self, what: Said) -> None:
         self._feedback.doubt(Code.ENC_02, measured=what, time_ms=self._still * self._period_s * 1e3)
