@@ -145,6 +145,18 @@ TEST(BacklashModel, least_misfit_is_found_between_the_models) {
   EXPECT_NEAR(seen(15.5), 7.0, 1e-12);
 }
 
+// One model that fits and seven that do not, by 100: the prior of 1 / 49 moves the place by no more than a
+// thousandth of a step.
+TEST(BacklashModel, a_model_that_fits_alone_is_found) {
+  const Params p = round_numbers();
+  for (std::size_t fits = 1; fits + 1 < kBacklashModels; ++fits) {
+    State s;
+    for (Model& m : s.bank) m.misfit = 100.0;
+    s.bank[fits].misfit = 0.0;
+    EXPECT_NEAR(backlash_seen(p, s), 0.5 * static_cast<double>(fits), 1e-3);
+  }
+}
+
 // A hill in place of a valley, at either end of the bank: the lower of its feet.
 TEST(BacklashModel, of_a_hill_the_lower_foot_counts) {
   const Params p = round_numbers();
