@@ -92,6 +92,9 @@ GROUPS: Final = {
             "identify",
             "Measure friction, moment, stiffness and gear map of this machine.",
         ),
+        "profile": Entry(
+            "engineering.profile", "profile", "The fastest profile of a move for a permitted base motion."
+        ),
         "compare": Entry("engineering.compare", "compare", "Two ways of control on one plant, side by side."),
         "campaign": Entry(
             "campaign",

@@ -90,6 +90,7 @@ RUNS: dict[str, list[str]] = {
     "state show": ["state", "show"],
     "sim reset": ["sim", "reset"],
     "stops": ["stops", "--speed", "1"],
+    "profile": ["profile", "--move", "0", "5", "--base-um", "400"],
     "stops --find-quick": ["stops", "--find-quick"],
     "speed-test": ["speed-test", "--speed", "3"],
     "accuracy run": ["accuracy", "run", "--no-speed-test", "--out", "report"],

@@ -186,6 +186,7 @@ TESTS: Final = {
                 "s", "time until the load settles to 0.001 deg, by the envelope of its swing", 2
             ),
             "move_reducer_knm": Output("kN m", "torque at the reducer in a move", 2),
+            "move_motor_nm": Output("N m", "torque of the motor in a move", 1),
         },
         _move,
     ),

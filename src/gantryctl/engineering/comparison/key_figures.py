@@ -41,6 +41,7 @@ SETTLED_DEG: Final = 0.001
 _RESIDUAL_S: Final = (0.2, 2.2)
 _COLUMNS: Final = (
     "pos_load_rad", "vel_ref_rad_s", "pos_base_rad", "vel_load_rad_s", "vel_motor_rad_s", "torque_mesh_nm",
+    "torque_act_nm",
 )  # fmt: skip
 
 
@@ -52,6 +53,7 @@ class MoveFigures(NamedTuple):
         base_um: base motion, peak to peak, gravity taken out. residual_um: the same, 0.2 to 2.2 s after the profile.
         settling_s: after the profile, until the load stays within 0.001 deg, by the envelope of its swing
             (`engineering.batch.settling_s`); 6 s where it has not by then. reducer_knm: at the reducer's output.
+        motor_nm: torque of the motor.
     """
 
     time_s: float
@@ -61,6 +63,7 @@ class MoveFigures(NamedTuple):
     residual_um: float
     settling_s: float
     reducer_knm: float
+    motor_nm: float
 
 
 class KeyFigures(NamedTuple):
@@ -284,4 +287,5 @@ def _evaluate(machine: Machine, log: Log, duration_s: float) -> MoveFigures:
         residual_um=float(np.ptp(base[first:last])),
         settling_s=min(settling_s(load[end:] - final, period_s, rad(SETTLED_DEG)), SETTLE_S),
         reducer_knm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
+        motor_nm=float(np.max(np.abs(log["torque_act_nm"]))),
     )

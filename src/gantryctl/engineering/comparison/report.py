@@ -19,7 +19,6 @@ from gantryctl.engineering.comparison.key_figures import (
 from gantryctl.engineering.comparison.profiles import ProfileRow, profiles_at_equal_base_motion
 from gantryctl.engineering.comparison.variants import Variant, check_same_plant, variants
 from gantryctl.engineering.identification import Comparison, comparisons
-from gantryctl.engineering.identification.experiment import expected_mode_hz
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.machine import Machine, Requirement, required_angle
@@ -105,9 +104,6 @@ def compare_report(
     shown = variants(paper, improved)
     found = figures_of(all_rows(VariantsJob(tuple(shown), seed), len(shown), threads, progress))[_OWN]
     rows = tuple((variant.name, figures) for variant, figures in zip(shown, found, strict=True))
-    # 2.00 Hz in the linear plant of the reference machine, 1.92 Hz as identified: a wrong value costs little.
-    identified_hz = calibration.identified.swing_hz if calibration else None
-    swing_hz = expected_mode_hz(improved) if identified_hz is None else identified_hz
     return CompareReport(
         first=paper.name,
         second=improved.name,
@@ -116,7 +112,7 @@ def compare_report(
         long_deg=fitted_stretch_deg(improved, *LONG_DEG),
         rows=rows,
         identified=tuple(comparisons(improved, calibration)) if calibration else (),
-        profiles=tuple(profiles_at_equal_base_motion(paper, improved, rows[0][1].base_um, swing_hz)),
+        profiles=tuple(profiles_at_equal_base_motion(paper, improved, rows[0][1].base_um)),
         ensemble=(
             ensemble(
                 paper,

@@ -1,0 +1,1 @@
+"""The fastest profile of a move."""

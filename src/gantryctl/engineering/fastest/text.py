@@ -1,0 +1,85 @@
+"""The fastest profiles as a table, sentences and plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from gantryctl.engineering.fastest.search import Fastest
+from gantryctl.engineering.report.data import plain
+from gantryctl.engineering.report.text import TextTable
+from gantryctl.machine import Machine
+
+
+def fastest_table(
+    machine: Machine, ends_deg: tuple[float, float], found: Sequence[Sequence[Fastest]]
+) -> TextTable:
+    """One row for each length of the ramps under each set of limits; the fastest of a set is marked."""
+    rows = [
+        {
+            "permitted\num": "any" if math.isinf(each.limits.base_um) else f"{each.limits.base_um:.0f}",
+            "ramp\ns": f"{each.ramp_s:.3f}",
+            "acceleration\ndeg/s2": f"{each.acc_deg_s2:.3f}",
+            "jerk\ndeg/s3": f"{each.jerk_deg_s3:.2f}",
+            "time\ns": f"{each.move.time_s:.2f}",
+            "base\num p-p": f"{each.move.base_um:.0f}",
+            "after\num": f"{each.move.residual_um:.1f}",
+            "load\ndeg/s": f"{each.move.load_error_deg_s:.4f}",
+            "motor\nN m": f"{each.move.motor_nm:.0f}",
+            "reducer\nkN m": f"{each.move.reducer_knm:.2f}",
+            "binding": each.binding + (", fastest" if each is min(some, key=_time_s) else ""),
+        }
+        for some in found
+        for each in some
+    ]  # fmt: skip
+    title = f"{machine.name}: the fastest profile from {machine.axis.dial.span(*ends_deg)} deg and back"
+    return TextTable.of(title, rows)._replace(left=(10,))
+
+
+def fastest_notes(machine: Machine, found: Sequence[Sequence[Fastest]]) -> list[str]:
+    """What the limits are, and what no profile undercuts."""
+    limits = found[0][0].limits
+    after = "" if math.isinf(limits.after_um) else f", {limits.after_um:g} um of base motion after the move"
+    bounds = "; ".join(
+        f"{some[0].bound_s:.2f} s with {some[0].limits.base_um:.0f} um"
+        for some in found
+        if math.isfinite(some[0].limits.base_um)
+    )
+    return [
+        f"Limits besides base motion: {limits.motor_nm:g} N m at the motor and {limits.reducer_knm:g} kN m at the "
+        f"reducer, both rated{after}; speed {machine.speed.setting_max_deg_s:g} deg/s, a normal ramp no harder than "
+        f"the quick stop. Binding: the limit that is reached.",
+        f"No profile is faster than {bounds}: the base alone gives the load its speed, without gears and without ramps "
+        "of the acceleration.",
+        "Each figure is the worse one of both ways. On the plant of the machine file, with the compensations that are "
+        "on. As settings: [virtual_axis] acc_deg_s2, dec_deg_s2, jerk_deg_s3.",
+    ]  # fmt: skip
+
+
+def fastest_data(
+    machine: Machine, ends_deg: tuple[float, float], found: Sequence[Sequence[Fastest]]
+) -> dict[str, Any]:
+    """Everything `profile --json` prints; null for a limit that there is not."""
+    return {
+        "machine": machine.name,
+        "move_deg": list(ends_deg),
+        "rows": [
+            {
+                "limits": {name: plain(value) for name, value in each.limits._asdict().items()},
+                "acc_deg_s2": each.acc_deg_s2,
+                "jerk_deg_s3": each.jerk_deg_s3,
+                "ramp_s": each.ramp_s,
+                "binding": each.binding,
+                "fastest": each is min(some, key=_time_s),
+                "bound_s": each.bound_s,
+                "move": each.move._asdict(),
+            }
+            for some in found
+            for each in some
+        ],
+    }
+
+
+def _time_s(found: Fastest) -> float:
+    return found.move.time_s
