@@ -9,7 +9,8 @@ from gantryctl import _core
 from gantryctl._core import new_image
 from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, next_state, settle, state_for
 from gantryctl.drives.faults import Faults
-from gantryctl.errors import DeviceError, UsageError
+from gantryctl.drives.plant_values import FARTHEST_RAD, lost, with_value
+from gantryctl.errors import DeviceError
 from gantryctl.image import (
     DigitalInputs,
     DriveFeedback,
@@ -84,6 +85,7 @@ class SimDrive(BaseDrive):
         self._identity = DriveIdentity("simulated drive", serial, counts_per_turn, turns)
         self._count_rad = _TWO_PI / counts_per_turn
         self._range_counts = counts_per_turn * turns
+        self._farthest_counts = FARTHEST_RAD / self._count_rad
         self._lower_switch_rad, self._upper_switch_rad = limit_switches_rad
         self._inputs = _SOUND_INPUTS
         self._feedback = sim.feedback
@@ -105,6 +107,8 @@ class SimDrive(BaseDrive):
         counts, vel, torque, brake_open, limited, overload, _, ring, pos_load = self._feedback(
             self._count_rad
         )
+        if not -self._farthest_counts < counts < self._farthest_counts:
+            raise lost(counts * self._count_rad)
         spoilt, within = self.faults.spoilt, self._lower_switch_rad < pos_load < self._upper_switch_rad
         if spoilt or self._inputs is not _SOUND_INPUTS or not within:
             self._read_inputs(pos_load)
@@ -195,13 +199,9 @@ class SimDrive(BaseDrive):
         """Change a plant parameter, as the load changes when a couch is dropped into it.
 
         Raises:
-            UsageError: no such parameter.
+            UsageError: no such parameter, or a value that no plant can have.
         """
-        plant = self._maker.plant
-        present = getattr(plant, name, None)
-        if name.startswith("_") or not isinstance(present, bool | int | float):
-            raise UsageError(f"the plant has no parameter '{name}' that is a number")
-        setattr(plant, name, type(present)(value))
+        self._maker = self._maker._replace(plant=with_value(self._maker.plant, name, value))
         self._remake()
 
     def _read_inputs(self, pos_load_rad: float) -> None:

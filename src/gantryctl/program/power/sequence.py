@@ -76,6 +76,7 @@ class PowerSequence:
         "_slip",
         "_slip_scans",
         "_step_scans",
+        "_stood",
         "_torque_proof",
         "_turns_back",
         "_unloaded",
@@ -125,6 +126,8 @@ class PowerSequence:
         self.brake_open = False
         self.torque_ff_nm = 0.0
         self._parking = self._unloaded = self._drive_owns_brake = self._turns_back = False
+        # A stop began behind a brake that had not been opened yet: nothing has to come to rest.
+        self._stood = False
         self._count = 0
         self._pos_rad: float | None = None
         self._load_nm = 0.0
@@ -262,6 +265,8 @@ class PowerSequence:
             self._slip.begin(self._pos_rad, unwinds=unwinds)
             self._turns_back = False
         self._unloaded = disabled and self._unloaded
+        closed = self._feedback.brake_known and not (self._feedback.brake_open or self.brake_open)
+        self._stood = phase is PowerPhase.TORQUE_OFF and self.phase in RISING and closed
         self.phase = phase
         self._count = 0
         self._rest.begin()
@@ -424,6 +429,11 @@ class PowerSequence:
         if not (self._feedback.position_valid and self._feedback.speed_known):
             if elapsed_s > _BLIND_STOP_S:
                 self._enter(PowerPhase.OFF)
+            return
+        # Behind a brake without torque the load may sink as the torque goes off again. From OFF on a slip is told and
+        # held by torque; waiting here for rest, people were told after 3 s.
+        if self._stood and not (self._feedback.energised or self._feedback.brake_open):
+            self._enter(PowerPhase.OFF)
             return
         brake_time_over = self._count > self._close_late_scans
         # At rest is judged on the motor side; the load goes on swinging for some seconds.

@@ -10,9 +10,9 @@ from typing import Final
 from gantryctl import _core
 from gantryctl.drives.base import state_for
 from gantryctl.drives.faults import Faults
+from gantryctl.drives.plant_values import FARTHEST_RAD, lost, with_value
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.errors import UsageError
 
 _UNLIMITED_S: Final = 1e9
 # Part of the overload budget below which the peak torque is available again.
@@ -53,6 +53,7 @@ class DrivePlant:
         self.sim.static_start(hardware.start_angle_rad, False)
         self.sim.count_offset = hardware.count_offset
         self._count_rad = 6.283185307179586 / hardware.fine_counts_per_turn
+        self._farthest_counts = FARTHEST_RAD / self._count_rad
         self._budget = (
             (hardware.torque_max_nm / hardware.torque_rated_nm) ** 2 - 1.0
         ) * hardware.overload_time_s
@@ -133,12 +134,9 @@ class DrivePlant:
         """Change a plant parameter (side channel).
 
         Raises:
-            UsageError: no such parameter.
+            UsageError: no such parameter, or a value that no plant can have.
         """
-        present = getattr(self.plant_params, name, None)
-        if name.startswith("_") or not isinstance(present, bool | int | float):
-            raise UsageError(f"the plant has no parameter '{name}' that is a number")
-        setattr(self.plant_params, name, type(present)(value))
+        self.plant_params = with_value(self.plant_params, name, value)
         self._stale = True
 
     def lose_turns(self, turns: int) -> None:
@@ -174,6 +172,8 @@ class DrivePlant:
         self.counts, self.vel_rad_s, self.torque_nm, self.brake_open, self.limited, *_ = self.sim.feedback(
             self._count_rad
         )
+        if not -self._farthest_counts < self.counts < self._farthest_counts:
+            raise lost(self.counts * self._count_rad)
 
     def _count_overload(self) -> None:
         # I2t: the account grows with (T/T_rated)^2 - 1; the budget is what the highest torque uses in the overload

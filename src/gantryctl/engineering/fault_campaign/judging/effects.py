@@ -128,7 +128,9 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
     ),
     Place.BRAKE: ("BRK-", *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
-    Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", Code.DRV_01, Code.DRV_04),
+    # A channel that is wired to the drive alone shows as a power stage without its supply: it leaves Operation
+    # enabled, and stays in Ready to switch on.
+    Place.INPUT: ("INT-", "LIM-", "PWR-", "THM-", Code.DRV_01, Code.DRV_03, Code.DRV_04),
     # A reading that is 40 ms late is 0.05 deg away from the encoder on the ring from 1.25 deg/s on.
     Place.FRAME: ("CAN-", "DRV-", *_CONTROL, Code.ENC_01, Code.ENC_07),
     Place.NODE: (

@@ -80,7 +80,9 @@ class Judge:
 
     def scan(self, pos: float, vel: float) -> None:
         """After each scan: true motor angle and speed, rad and rad/s."""
-        way = self._way
+        way, axis = self._way, self._bench.axis
+        if way is not None and axis.alarms.first_out is None:
+            way.asked(abs(math.degrees(axis.virtual.vel_ref_rad_s)))
         if way is not None and not way.goes_on(self._bench.time_s, pos / self._deg, vel / self._deg):
             self._way = None
             if way.bounded:

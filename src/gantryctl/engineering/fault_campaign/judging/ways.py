@@ -75,6 +75,7 @@ class Way:
         self.way_deg = 0.0
         self._parts: list[tuple[FaultCase, float, float]] = [(fault.case, 0.0, speed_deg_s)]
         self._rested_s: float | None = None
+        self._asked_deg_s = speed_deg_s
         self.bounded = not any(each.number in _UNBOUNDED for each in self._faults)
 
     def also(self, fault: PlannedFault, speed_deg_s: float) -> None:
@@ -83,6 +84,16 @@ class Way:
         self.bounded = self.bounded and fault.number not in _UNBOUNDED
         if seen_in_motion(fault.case):
             self._parts.append((fault.case, self.way_deg, speed_deg_s))
+
+    def asked(self, speed_deg_s: float) -> None:
+        """Nobody has seen the fault yet: the motion that people asked for goes on, and its stop begins at its speed.
+
+        Args:
+            speed_deg_s: of the set-point.
+        """
+        if speed_deg_s > self._asked_deg_s:
+            self._asked_deg_s = speed_deg_s
+            self._parts = [(case, way, max(speed, speed_deg_s)) for case, way, speed in self._parts]
 
     def goes_on(self, time_s: float, angle_deg: float, speed_deg_s: float) -> bool:
         """After a scan; False when the axis has come to rest, or the time is over."""

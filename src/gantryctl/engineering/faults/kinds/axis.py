@@ -244,6 +244,8 @@ def _motor_friction(target: Target, beyond_load_share: float, over_s: float) -> 
         wind_nm = machine.plant.wind.moment_nm / machine.axis.ratio
         now_nm = friction_nm(machine, feedback.vel_act_rad_s) - sign * wind_nm
     beyond_nm = machine.brake.test_torque_nm + beyond_load_share * machine.motor.torque_rated_nm - now_nm
+    # A load that asks for more already (B7) leaves nothing to grow; friction below nothing would drive the shaft on.
+    beyond_nm = max(0.0, beyond_nm)
     return _to_value(target, "motor_coulomb_nm", target.plant_value("motor_coulomb_nm") + beyond_nm, over_s)
 
 

@@ -30,6 +30,8 @@ _CAUSE_MS: Final = 3000
 _AT_REST_MS: Final = 50
 # ms in which a step of the drive that was commanded before power was switched off still takes effect.
 _UNDER_WAY_MS: Final = 100
+# Scans by which a reading on a bus may be old: sampled, sent, and taken.
+_READING_SCANS: Final = 3.0
 
 
 class Violation(NamedTuple):
@@ -123,12 +125,13 @@ class AxisOracle:
         self._latched: Alarm | None = None
         self._onset: Instant | None = None
         self._onset_of_feedback = False
-        self._disobeys = self._brake_fault = self._creeps = False
+        self._disobeys = self._brake_fault = self._creeps = self._spoilt = False
         self._key_counts, self._halted, self._by_jog = True, False, False
         self._late_s = self.brake_late_s = self.reading_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
         self._told_rad, self._stands_ms, self._moved_ms, self._answer_ms = math.nan, 0, 0, 0.0
+        self._rest_angle = 0.0
         self._ratio = 1.0
         self._zero_counts = math.nan
         self.offset = 0.0
@@ -201,6 +204,7 @@ class AxisOracle:
         self._late_s = max(self._late_s, late_s)
         onset = self._onset
         self._disobeys = self._disobeys or (feedback and not at_once)
+        self._spoilt = self._spoilt or feedback
         self._brake_fault = self._brake_fault or brake
         old = onset is None or self.ms - onset.ms > _CAUSE_MS
         if at_once and (old or (feedback and not self._onset_of_feedback)):
@@ -233,6 +237,7 @@ class AxisOracle:
             self._speed_on_wire(request, vel, brake_open)
         else:
             self._vel, self._wire_ms, self._step = 0.0, self.ms, ""
+            self._rest_angle = self.angle
         if request is not self._request:
             self._requested(request)
         if axis is None:
@@ -279,7 +284,9 @@ class AxisOracle:
             if now > self._origin_ms:
                 self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
                 self._check_origin(now, vel)
-        elif self._target is not None:
+            return
+        self._rest_angle = self.angle
+        if self._target is not None:
             if self._creeps:
                 self._reason_ms = now + _SETTLES_MS
             self._perhaps_arrived(now, self._target)
@@ -321,12 +328,25 @@ class AxisOracle:
             # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
             # that is judged by INV-1.
             return
+        if self._spoilt and self._brings_back(vel):
+            return
         operator = self._operator
         key = operator.forward is not operator.reverse and operator.power
         if key and now - self._lease_ms <= _LEASE_MS:
             self._origin_ms = now + self._comes_to_rest(self._axis.settings.ramps.jog_release_dec_rad_s2)
         else:
             self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
+
+    def _brings_back(self, vel: float) -> bool:
+        """The position loop answers the true way from where the command was last that of an axis at rest.
+
+        So it does long after a drive began to turn the other way, and nobody has to ask for it, no further than may be
+        moved without a reason. The command of rest may be off by the regulation, a reading on a bus is some scans old.
+        """
+        way = self.angle - self._rest_angle
+        late = 1e-3 * self.scans_ms(_READING_SCANS) * abs(self.speed)
+        answers = abs(vel + self._kpp * way) <= self._settled + self._kpp * late
+        return answers and abs(way) <= self._sag
 
     def _comes_to_rest(self, dec_rad_s2: float) -> float:
         """ms until a stop on a ramp has ended."""
@@ -497,6 +517,10 @@ class AxisOracle:
             self._unheld_ms = 0
 
     def _moves(self, way: float) -> None:
+        # Nobody can see it before the reading that stands has been asked; so far a fault at standstill may go.
+        unseen = self._feedback_fault() and self._unasked()
+        if unseen and abs(way) <= self.bounds.way_deg(StopClass.FEEDBACK, 0.0) * self._deg:
+            return
         state = "torque on" if self.energised else "torque off"
         state += ", brake open" if self.brake_open else ", brake closed"
         self.say("INV-2", f"moved {way / self._deg:.3f} deg without a reason ({state})")
@@ -676,9 +700,14 @@ class AxisOracle:
     def _told_wrong_for_long(self, wrong: float, since_ms: int) -> bool:
         """Longer than an alarm takes; or than the reading is asked for, where it looks like that of an axis at rest."""
         little = abs(wrong) <= self.bounds.way_deg(StopClass.FEEDBACK, 0.0) * self._deg
-        if little and self.ms > self._stands_ms:
-            # Behind a brake, and under torque that may not be commanded, nobody can ask: the next power-up does.
-            asked = self.brake_open and self._request is _ENABLE and not self._holding()
-            if not asked or self.ms - max(self._stands_ms, self._moved_ms) <= self._answer_ms:
-                return False
+        if little and self._unasked():
+            return False
         return (self.ms - since_ms) * 1e-3 > limits.TOLD_WRONG_S
+
+    def _unasked(self) -> bool:
+        """The reading stands, and the controller has had no time to ask it, or may not."""
+        if self.ms <= self._stands_ms:
+            return False
+        # Behind a brake, and under torque that may not be commanded, nobody can ask: the next power-up does.
+        asked = self.brake_open and self._request is _ENABLE and not self._holding()
+        return not asked or self.ms - max(self._stands_ms, self._moved_ms) <= self._answer_ms
