@@ -77,13 +77,15 @@ void set_numbers(Params& p, Numbers given) {
                                p.inertia_load_kg_m2 > 0.0 && p.windup_per_acc_s2 > 0.0))
     throw std::invalid_argument(
         "the backlash observer needs the moment observer, friction, inertia and wind-up");
+  if (p.backlash_observer && p.load_encoder && !(p.swing_rad_s > 0.0))
+    throw std::invalid_argument("the backlash observer needs swing_rad_s beside the load-side encoder");
   if (!(p.backlash_step_rad > 0.0)) throw std::invalid_argument("backlash_step_rad must be positive");
   for (double x : {p.observer_memory, p.backlash_memory})
     if (!(x > 0.0 && x <= 1.0))
       throw std::invalid_argument("observer_memory and backlash_memory must lie above 0, and be 1 at most");
   for (double x : {p.observer_speed_rad_s, p.observer_weight, p.observer_rate, p.torque_limit_nm,
-                   p.pos_limit_rad, p.backlash_rad, p.backlash_held_rad, p.backlash_fast, p.backlash_slow,
-                   p.encoder_limit_rad, p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
+                   p.pos_limit_rad, p.backlash_rad, p.backlash_held_rad, p.lean_rad_per_nm, p.backlash_fast,
+                   p.backlash_slow, p.encoder_limit_rad, p.encoder_dead_band_rad, p.swing_speed_max_rad_s})
     if (!(x >= 0.0)) throw std::invalid_argument("a limit of the compensation is negative");
 }
 
@@ -221,6 +223,9 @@ void bind_compensation(nb::module_& m) {
           nb::arg("pos_rad"), "How far the motor leads the load at rest by the maps, rad at the gantry.")
       .def(
           "copy", [](const Law& law) { return law; }, "An independent copy, state included.")
+      .def_prop_ro(
+          "backlash_change_rad", [](const Law& law) { return law.s.backlash_change_rad; },
+          "Change of the backlash since the calibration that is in use, rad.")
       .def_prop_ro("state", &state_of, "The state by name.")
       .def_prop_ro("parameters", &parameters_of, "Switches (0 or 1) and numbers by name.");
 }

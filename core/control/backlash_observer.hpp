@@ -1,4 +1,5 @@
-// The backlash from the motor torque of an axis whose gears change their flank.
+// The backlash from the motor torque of an axis whose gears change their flank and whose load no encoder
+// sees; with one on the ring lost_motion.hpp has it.
 //
 // A bank of models of the load, each with another backlash b. All are driven by the motor angle that is
 // measured, x, less the gear error; k, J, M, F are those of the calibration and of the moment observer:
@@ -105,6 +106,23 @@ void run_model(const CompensationParams<T>& p, const LoadInputs<T>& in, T backla
   m.twist_rad = m.twist_rad + in.step_rad + p.period_s * (back - m.vel_rad_s);
 }
 
+// The moment in use, which says on which flank the load lies, is that which is seen.
+template <class T>
+MaskOf<T> moment_known(const CompensationParams<T>& p, const CompensationState<T>& s) {
+  const Moment<T> change = moment_change(p, s);
+  const Moment<T> apart{change.sine_nm - s.moment_sine_nm, change.cosine_nm - s.moment_cosine_nm};
+  return size_of(apart) < T(kMomentKnown) * p.friction_load_nm;
+}
+
+// Friction in use goes on towards what the moment observer finds beside the moment, in the lanes that
+// `follow`.
+template <class T>
+void use_friction(const CompensationParams<T>& p, MaskOf<T> follow, CompensationState<T>& s) {
+  const T rate = select(follow, p.observer_rate, T(0.0));
+  const T more = clamp(friction_change(p, s), -p.friction_spread_nm, p.friction_spread_nm);
+  s.friction_change_nm = s.friction_change_nm + rate * (more - s.friction_change_nm);
+}
+
 // Where the sums of squares, with a prior of the calibration as wide as the bank, have their least.
 template <class T>
 T backlash_seen(const CompensationParams<T>& p, const CompensationState<T>& s) {
@@ -149,11 +167,8 @@ T observe_backlash(const CompensationParams<T>& p, T ratio, const SetPoint<T>& r
   const Moment<T> now = moment_now(p, s);
   const LoadInputs<T> in{
       step, vel, select(heard, torque, T(0.0)), holding_moment(now, r.pos).value, friction_load_now(p, s), z};
-  const Moment<T> change = moment_change(p, s);
-  const Moment<T> apart{change.sine_nm - s.moment_sine_nm, change.cosine_nm - s.moment_cosine_nm};
   const auto moving = both(heard, vabs(z) > T(0.0));
-  const auto known = size_of(apart) < T(kMomentKnown) * p.friction_load_nm;
-  const auto tells = both(both(moving, known), vabs(r.acc) > T(0.0));
+  const auto tells = both(both(moving, moment_known(p, s)), vabs(r.acc) > T(0.0));
   const T weight = select(tells, p.observer_weight, T(0.0));
   const T kept = select(tells, p.backlash_memory, T(1.0));
   for (int k = 0; k < kBacklashModels; ++k) {
@@ -168,8 +183,7 @@ T observe_backlash(const CompensationParams<T>& p, T ratio, const SetPoint<T>& r
   const T rate = select(moving, p.observer_rate, T(0.0));
   s.backlash_change_rad =
       s.backlash_change_rad + rate * (found - p.backlash_held_rad - s.backlash_change_rad);
-  const T more = clamp(friction_change(p, s), -p.friction_spread_nm, p.friction_spread_nm);
-  s.friction_change_nm = s.friction_change_nm + rate * (more - s.friction_change_nm);
+  use_friction(p, moving, s);
   return found;
 }
 

@@ -2,7 +2,7 @@
 // itself.
 #pragma once
 
-#include "core/control/backlash_observer.hpp"
+#include "core/control/lost_motion.hpp"
 #include "core/control/position_law.hpp"
 
 namespace gantry::GANTRY_ISA {
@@ -81,6 +81,16 @@ void begin_following(const CompensationParams<T>& p, const Moment<T>& m, const F
   s.started = mask<T>(true);
 }
 
+// Own errors of the load-side encoder by its map. The map was measured from outside, so it holds how the base
+// leans under the eccentric moment of that day; what the moment has become since leans it further.
+template <class T>
+T own_errors(const CompensationParams<T>& p, const CompensationState<T>& s, T ring) {
+  const T mapped = harmonics(p.scale, ring).value;
+  if (!p.moment_observer) return mapped;
+  const Moment<T> change{s.moment_sine_nm, s.moment_cosine_nm};
+  return mapped + p.lean_rad_per_nm * holding_moment(change, ring).value;
+}
+
 // What the load-side encoder says without its own errors, and what the law takes of it. The load goes with
 // its set-point but for its swing, and some scans may be missing. What goes on faster is a step of the
 // encoder: it is taken so slowly that it is no step of the command. An invalid reading (NaN, or no angle of a
@@ -94,7 +104,7 @@ struct LoadSideReading {
 template <class T>
 LoadSideReading<T> load_side_reading(const CompensationParams<T>& p, const CompensationState<T>& s, T ring,
                                      T lead, T vel_ref, T y) {
-  const T seen = (p.scale_map ? ring - harmonics(p.scale, ring).value : ring) + lead;
+  const T seen = (p.scale_map ? ring - own_errors(p, s, ring) : ring) + lead;
   const auto valid = vabs(ring) < T(kAnyAngleRad);
   const T way = vel_ref * p.period_s;
   const T reckoned = s.ring_last_rad + way;
@@ -145,7 +155,10 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   out.disagreement_rad = reading.seen - (y - c.pos);
   out.moment_change_nm = T(0.0);
   if (p.moment_observer) out.moment_change_nm = size_of(observe_moment(p, ratio, r, torque_nm, s));
-  if (p.backlash_observer) {
+  if (p.backlash_observer && p.load_encoder) {
+    observe_lost_motion(p, moment, flank, r, out.disagreement_rad, s);
+    use_lost_motion(p, moment, flank, r, s);
+  } else if (p.backlash_observer) {
     const T x = y - gear_correction(p, r.pos, r.vel).pos;
     observe_backlash(p, ratio, r, x, torque_nm, going, s);
   }

@@ -29,7 +29,7 @@ constexpr int kFastWaves = 12;
   X(scale_map, "errors of the load-side encoder itself, from its map")                                \
   X(damping, "load swing damped through the load-side encoder")                                       \
   X(moment_observer, "what the eccentric moment has become, from the motor torque")                   \
-  X(backlash_observer, "what the backlash has become, from the motor torque")
+  X(backlash_observer, "what the backlash has become, from the motor torque or the load-side encoder")
 
 #define GANTRY_COMPENSATION_PARAMS(X)                                                                 \
   X(period_s, 1e-3, "scan period")                                                                    \
@@ -38,6 +38,7 @@ constexpr int kFastWaves = 12;
   X(inertia_kg_m2, 0.0, "load and motor, at the gantry")                                              \
   X(torque_limit_nm, 0.0, "largest torque fed forward, motor side")                                   \
   X(compliance_rad_per_nm, 0.0, "wind-up per load torque, 1/k")                                       \
+  X(lean_rad_per_nm, 0.0, "of the base, per load torque: an encoder on the ring does not see it") \
   X(windup_per_acc_s2, 0.0, "wind-up per acceleration of the load, J/k")                              \
   X(reversal_length_rad, 1e-4, "way over which the direction turns round")                            \
   X(backlash_rad, 0.0, "backlash, both flanks together, at the gantry")                               \
@@ -93,7 +94,8 @@ constexpr int kFastWaves = 12;
   X(backlash_change_rad, "change of the backlash that is in use")                                     \
   X(friction_change_nm, "change of all friction that the backlash observer uses")                     \
   X(motor_last_rad, "motor angle less gear error of the last scan, at the gantry")                    \
-  X(motor_vel_rad_s, "its speed")
+  X(motor_vel_rad_s, "its speed")  \
+  X(moved, "1 where the set-point moved in the last scan")
 
 #define GANTRY_LOAD_MODEL_STATE(X)                                                                    \
   X(twist_rad, "motor before load")                                                                   \
@@ -114,6 +116,10 @@ struct LoadModel {
 
 // Backlash 0, 1, 2 ... steps: a parabola between them errs by less than a tenth of a step.
 constexpr int kBacklashModels = 8;
+
+// Mean, sine, cosine, direction, flank, and the lead that they explain: lost_motion.hpp.
+constexpr int kLeadColumns = 6;
+constexpr std::size_t kLeadSums = kLeadColumns * (kLeadColumns + 1) / 2;
 
 template <class T>
 struct CompensationParams {
@@ -136,6 +142,7 @@ struct CompensationState {
   GANTRY_COMPENSATION_STATE(X)
 #undef X
   std::array<LoadModel<T>, kBacklashModels> bank{};
+  std::array<T, kLeadSums> lead_sums{};  // products of the columns, upper triangle row by row
   MaskOf<T> started = mask<T>(false);
 };
 

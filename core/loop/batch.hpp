@@ -174,6 +174,7 @@ class Batch {
 #define X(name, meaning) set_lane(compensation_.s.name, k, one.s.name);
     GANTRY_COMPENSATION_STATE(X)
 #undef X
+    for (std::size_t n = 0; n < kLeadSums; ++n) set_lane(compensation_.s.lead_sums[n], k, one.s.lead_sums[n]);
     for (std::size_t n = 0; n < kBacklashModels; ++n) {
 #define X(name, meaning) set_lane(compensation_.s.bank[n].name, k, one.s.bank[n].name);
       GANTRY_LOAD_MODEL_STATE(X)
@@ -214,6 +215,7 @@ class Batch {
 #define X(name, meaning) c->s.name = lane(compensation_.s.name, k);
     GANTRY_COMPENSATION_STATE(X)
 #undef X
+    for (std::size_t n = 0; n < kLeadSums; ++n) c->s.lead_sums[n] = lane(compensation_.s.lead_sums[n], k);
     for (std::size_t n = 0; n < kBacklashModels; ++n) {
 #define X(name, meaning) c->s.bank[n].name = lane(compensation_.s.bank[n].name, k);
       GANTRY_LOAD_MODEL_STATE(X)
@@ -283,6 +285,8 @@ class Batch {
 #define X(name, meaning) s.name = select(follows_, s.name, before.name);
     GANTRY_COMPENSATION_STATE(X)
 #undef X
+    for (std::size_t n = 0; n < kLeadSums; ++n)
+      s.lead_sums[n] = select(follows_, s.lead_sums[n], before.lead_sums[n]);
     for (std::size_t n = 0; n < kBacklashModels; ++n) {
 #define X(name, meaning) s.bank[n].name = select(follows_, s.bank[n].name, before.bank[n].name);
       GANTRY_LOAD_MODEL_STATE(X)

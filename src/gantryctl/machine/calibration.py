@@ -129,12 +129,15 @@ class Maps(Table):
         gear_rad: what the motor must lead the load by, without wind-up of the eccentric moment.
         reversal_rad: half the difference between both directions.
         scale_rad: load-side encoder minus load; empty without one.
+        lean_rad_per_nm: of the base, per load torque: what of scale_rad goes with the eccentric moment; None where the
+            file is older, or encoder and instrument do not show it.
         fast: (cycles per turn, sine, cosine) of waves of many cycles.
     """
 
     gear_rad: Waves = Field(max_length=2 * MAP_HARMONICS + 1)
     reversal_rad: Waves = Field(max_length=2 * REVERSAL_HARMONICS + 1)
     scale_rad: tuple[_Amplitude, ...] = Field(max_length=2 * SCALE_HARMONICS + 1)
+    lean_rad_per_nm: float | None = Field(default=None, gt=0.0, le=1e-3)
     fast: tuple[FastWave, ...] = Field(max_length=FAST_WAVES)
 
 

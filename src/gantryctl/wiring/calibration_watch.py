@@ -112,10 +112,13 @@ def _gap_bounds(machine: Machine, calibration: Calibration) -> dict[str, float]:
         return {}
     most = 2.0 * abs(calibration.maps.reversal_rad[0])
     known, least = found.backlash_rad, rad(config.backlash_deg)
+    observer = machine.control.compensation.backlash_observer
+    # As with the moment: what a person lets the laws follow is no fault.
+    followed = rad(observer.limit_deg) - calibration.backlash_held_rad if observer.active else 0.0
     change = _INTERVALS * (most if known is None else calibration.half_width["backlash_rad"])
     return {
         "backlash_bound_rad": max(most, least) if known is None else known + max(change, least),
-        "lost_motion_bound_rad": max(change, rad(config.lost_motion_deg)),
+        "lost_motion_bound_rad": max(change, rad(config.lost_motion_deg), followed),
     }
 
 

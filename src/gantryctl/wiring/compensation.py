@@ -209,6 +209,7 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
         else found.friction_load_nm or 0.0,
         "backlash_rad": found.backlash_rad or 0.0,
         "compliance_rad_per_nm": 1.0 / stiffness if stiffness else 0.0,
+        "lean_rad_per_nm": calibration.maps.lean_rad_per_nm or 0.0,
         "windup_per_acc_s2": found.windup_per_acc_s2 or 0.0,
         "swing_rad_s": swing_rad_s,
         "friction_nm": friction,

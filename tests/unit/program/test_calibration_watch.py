@@ -53,7 +53,12 @@ def torque_of(
 
 
 def turned(
-    watch: CalibrationWatch, moves: int = 3, ring_rad: float = 0.0, wave_rad: float = 0.0, **more: float
+    watch: CalibrationWatch,
+    moves: int = 3,
+    ring_rad: float = 0.0,
+    wave_rad: float = 0.0,
+    followed_rad: float = 0.0,
+    **more: float,
 ) -> None:
     """Moves to and fro between -120 and 120 deg at 6 deg/s; a wave of 3 kN m that no calibration has lies on top."""
     s, vel = watch.settings, rad(6.0)
@@ -63,7 +68,7 @@ def turned(
             pos = z * (k * PERIOD_S * vel - rad(120.0))
             torque = torque_of(s, pos, z * vel, 0.0, more) + 3e3 * math.sin(37.0 * pos)
             apart = 0.5 * ring_rad * z + wave_rad * math.sin(pos)
-            watch.scan(pos, z * vel, 0.0, torque / 1144.0, apart)
+            watch.scan(pos, z * vel, 0.0, torque / 1144.0, apart, followed_rad)
         watch.rest()
 
 
@@ -99,6 +104,34 @@ def test_what_has_changed_is_named_with_what_was_measured(
     # 3 % for the wave on top, and the fading memory.
     assert watch.found[name].measured == pytest.approx(measured, rel=0.03)
     assert abs(watch.found[name].measured) > watch.found[name].bound
+
+
+def test_a_gap_that_the_laws_have_followed_is_judged_as_one_that_they_have_not() -> None:
+    flat = {"moment_sine_nm": 0.0, "flank_nm": 1e3}
+    left, followed = new_watch(**flat), new_watch(**flat)
+    turned(left, ring_rad=-8e-5)
+    turned(followed, followed_rad=8e-5)
+    assert followed.found["lost_motion"].measured == pytest.approx(
+        left.found["lost_motion"].measured, rel=1e-6
+    )
+    within = new_watch(**flat, lost_motion_bound_rad=1e-4)
+    turned(within, followed_rad=8e-5)
+    assert within.found == {}
+
+
+def test_what_a_person_lets_the_laws_follow_is_no_fault() -> None:
+    machine = with_values(
+        improved_machine(),
+        {f"control.compensation.{name}_observer.active": True for name in ("moment", "backlash")},
+    )
+    assert machine.calibration is not None
+    limit = (
+        rad(machine.control.compensation.backlash_observer.limit_deg) - machine.calibration.backlash_held_rad
+    )
+    bound = settings_of(machine).lost_motion_bound_rad
+    assert bound == pytest.approx(limit)
+    assert bound > settings_of().lost_motion_bound_rad
+    assert settings_of(machine).backlash_bound_rad == settings_of().backlash_bound_rad
 
 
 def test_motion_one_way_names_nothing_that_it_cannot_tell_apart() -> None:

@@ -197,6 +197,14 @@ def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
         shown.append(Variant(f"{begin}{BOTH_FOLLOWED}", followed))
         if not improved.virtual_axis.gentle_end:
             shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {GENTLE}", ending_gently(followed)))
+    if (
+        encoder
+        and may_follow_backlash(improved)
+        and not improved.control.compensation.backlash_observer.active
+    ):
+        shown.append(
+            Variant(f"{improved.name}, {BOTH_FOLLOWED}", backlash_followed(moment_followed(improved)))
+        )
     return (*shown, Variant(improved.name, improved))
 
 

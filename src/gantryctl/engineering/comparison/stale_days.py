@@ -150,11 +150,12 @@ def _judged(watch: CalibrationWatch, session: Session, log: Log, *, ring: bool) 
     columns = [log[name].tolist() for name in _COLUMNS]
     moving = False
     for pos, vel, acc, true_nm, counts, angle, seen_nm in zip(*columns, torque.tolist(), strict=True):
-        apart = 0.0
+        apart = followed = 0.0
         if ring and laws is not None:
             apart = laws.scan(law, pos, vel, acc, counts, angle, true_nm)[4]
+            followed = laws.backlash_change_rad
         if vel or acc:
-            watch.scan(pos, vel, acc, seen_nm, apart)
+            watch.scan(pos, vel, acc, seen_nm, apart, followed)
             moving = True
         elif moving:
             moving = False

@@ -69,7 +69,7 @@ def moment_followed(machine: Machine, *, followed: bool = True) -> Machine:
 
 
 def backlash_followed(machine: Machine, *, followed: bool = True) -> Machine:
-    """The machine with its backlash followed by the torque of the motor, or as calibrated."""
+    """The machine with its backlash followed, by the encoder on its ring if it has one, or as calibrated."""
     return with_values(machine, {_AT + "backlash_observer.active": followed})
 
 

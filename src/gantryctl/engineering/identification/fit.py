@@ -140,10 +140,13 @@ def fit(machine: Machine, recording: MotionRecording) -> CalibrationFit:
         if recording.has_ring and recording.sees_space
         else ()
     )
+    lean = _fit_lean(swings, scale) if scale else None
+    load_kg_m2 = balance.inertia_load_kg_m2
     maps = Maps(
         gear_rad=tuple(gear.tolist()),
         reversal_rad=tuple(lead.reversal_rad.tolist()),
         scale_rad=scale,
+        lean_rad_per_nm=lean.per_acc_s2 / load_kg_m2 if lean and load_kg_m2 > 0.0 else None,
         fast=tuple(found),
     )
     check = recording.check
@@ -200,6 +203,7 @@ def calibration_of(machine: Machine, found: CalibrationFit, date: str, version: 
     """The calibration file of a fit, rounded to a hundredth of what is known: the same on every computer."""
     recording, half = found.recording, found.half_width
     map_place = math.radians(found.validation.left_deg) * 1e-4
+    lean = found.maps.lean_rad_per_nm
     origin = Origin(
         machine=machine.name,
         version=version,
@@ -220,6 +224,7 @@ def calibration_of(machine: Machine, found: CalibrationFit, date: str, version: 
             gear_rad=_all_rounded(found.maps.gear_rad, map_place),
             reversal_rad=_all_rounded(found.maps.reversal_rad, map_place),
             scale_rad=_all_rounded(found.maps.scale_rad, map_place),
+            lean_rad_per_nm=None if lean is None else _rounded(lean, 1e-3 * lean),
             fast=tuple(
                 (c, _rounded(sine, map_place), _rounded(cosine, map_place))
                 for c, sine, cosine in found.maps.fast
@@ -397,3 +402,20 @@ def _fit_scale(turns: Samples, zero_rad: float) -> tuple[float, ...]:
     scale = wave_solution(both, turns.ring_rad - turns.load_rad, free=2)[1:]
     scale[0] = -harmonics_of(np.array([zero_rad]), SCALE_HARMONICS)[0, 1:] @ scale[1:]
     return tuple(float(v) for v in scale)
+
+
+def _fit_lean(swings: Samples, scale: Sequence[float]) -> _Windup | None:
+    """What the base leans per acceleration of the load: what the load-side encoder shows more than the instrument.
+
+    None where swings show it no better than 0. The torque that accelerates bends the base as that of the eccentric
+    moment does, and of that the scale map holds one angle for each place only.
+    """
+    columns: Floats = np.column_stack(
+        [swings.acc_rad_s2, swings.vel_rad_s, swings.direction, np.ones_like(swings.acc_rad_s2)]
+    )
+    own = harmonics_of(swings.ring_rad, len(scale) // 2) @ np.array(scale)
+    wanted = swings.ring_rad - swings.load_rad - own
+    found: Floats = np.asarray(np.linalg.lstsq(columns, wanted, rcond=None)[0])
+    estimate = estimate_of(found, columns, wanted - columns @ found, swings.stretch, _WINDUP_SPREAD)
+    half_width = estimate.half_width_of(np.array([1.0, 0.0, 0.0, 0.0]))
+    return _Windup(float(found[0]), half_width) if float(found[0]) > half_width else None

@@ -95,7 +95,7 @@ class MomentObserverTable(Table):
 
 
 class BacklashObserverTable(Table):
-    """[control.compensation.backlash_observer]: the backlash followed by the torque of the motor."""
+    """[control.compensation.backlash_observer]: backlash followed by the motor's torque or an encoder on the ring."""
 
     active: bool = switch(False, "Follow it; needs the moment observer, wind-up and lost motion.")
     # 0.35 mm on the ring of the reference gantry: models 0.05 mm apart.
@@ -103,7 +103,12 @@ class BacklashObserverTable(Table):
         0.0, 0.0, 0.5, "Largest backlash that is followed, at the axis; above 0 to follow."
     )
     # Some thirty moves.
-    memory_s: float = number(100.0, 10.0, 5e3, "Time in ramps over which what was seen fades.")
+    memory_s: float = number(
+        100.0,
+        10.0,
+        5e3,
+        "Time over which what was seen fades: in ramps, or with an encoder on the ring at constant speed.",
+    )
 
 
 class CalibrationWatchTable(Table):

@@ -107,6 +107,7 @@ class LoadSide:
                     virtual.acc_ref_rad_s2,
                     self._feedback.torque_nm,
                     self.disagreement_rad,
+                    self.laws.backlash_change_rad if self._watched else 0.0,
                 )
             elif watch.rest():
                 self.warn_stale()

@@ -90,13 +90,20 @@ class CalibrationWatch:
         self._moving, self._sum, self._scans, self._samples = False, 0.0, 0, 0
 
     def scan(
-        self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float, torque_nm: float, apart_rad: float
+        self,
+        pos_rad: float,
+        vel_rad_s: float,
+        acc_rad_s2: float,
+        torque_nm: float,
+        apart_rad: float,
+        followed_rad: float = 0.0,
     ) -> None:
         """Take a scan of an axis whose set-point moves.
 
         Args:
             pos_rad, vel_rad_s, acc_rad_s2: set-point. torque_nm: of the motor.
             apart_rad: load-side encoder minus the angle by motor encoder and maps.
+            followed_rad: what of the backlash the maps have followed since the calibration.
         """
         self._moving = True
         self._sum += torque_nm
@@ -105,7 +112,7 @@ class CalibrationWatch:
             self._mid = (pos_rad, vel_rad_s, acc_rad_s2)
         if self._scans == self._block:
             torque, self._sum, self._scans = self._sum / self._block, 0.0, 0
-            self._sample(torque, apart_rad)
+            self._sample(torque, apart_rad, followed_rad)
 
     def rest(self) -> bool:
         """Take a scan at rest; whether a move has just ended and something no longer fits."""
@@ -114,7 +121,7 @@ class CalibrationWatch:
         self._judge()
         return bool(self.found)
 
-    def _sample(self, torque_nm: float, apart_rad: float) -> None:
+    def _sample(self, torque_nm: float, apart_rad: float, followed_rad: float) -> None:
         (pos, vel, acc), cal = self._mid, self.settings
         if not abs(vel) > cal.speed_min_rad_s:
             if self._swing is not None:
@@ -144,7 +151,9 @@ class CalibrationWatch:
                 and abs(mesh) > cal.flank_nm
                 and abs(apart_rad) < _ANGLE_MAX_RAD
             ):
-                self._ring.add((1.0, sine, cosine, math.copysign(1.0, mesh)), apart_rad)
+                flank = math.copysign(1.0, mesh)
+                # Judged is what the gap has become since the calibration, not what the laws have left of it.
+                self._ring.add((1.0, sine, cosine, flank), apart_rad - 0.5 * followed_rad * flank)
         if self._swing is not None:
             gap = self._swing.sample(acc, mesh, left)
             if gap is not None:

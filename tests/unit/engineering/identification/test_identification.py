@@ -26,6 +26,7 @@ from gantryctl.engineering.identification.torque_balance import TorqueBalance
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, Unknown, calibration_toml, with_values
 from gantryctl.wiring.compensation import compensation, flank_torque_nm
+from gantryctl.wiring.simulator import plant_params
 from support.improved import improved_machine
 
 EVERYTHING_OFF = {
@@ -89,6 +90,15 @@ def test_friction_that_grows_with_the_load_is_no_moment() -> None:
     assert found.friction_load_ratio == pytest.approx(0.25, rel=0.1)
 
 
+def test_the_lean_of_the_base_is_found_where_ring_and_tracker_are_read(found: CalibrationFit) -> None:
+    """A base that rocks at 7 Hz answers ramps of half a second by 2 % more than it does at rest."""
+    lean = found.maps.lean_rad_per_nm
+    assert lean is not None
+    assert lean == pytest.approx(1.0 / plant_params(improved_machine()).base_stiffness_nm_per_rad, rel=0.05)
+    # It is the sine of the scale map: 14 urad under 16 kN m.
+    assert lean * 16e3 == pytest.approx(found.maps.scale_rad[1], rel=0.05)
+
+
 def test_the_map_of_another_gear_is_another_map() -> None:
     machine = random_gear(improved_machine(), 5)
     own, other = calibrate(SimulatedAxis(machine)), improved_machine().calibration
@@ -140,6 +150,7 @@ def test_the_packaged_calibration_is_what_identify_gives(found: CalibrationFit) 
         room = {"abs": 1.0} if name == "moment_cosine_nm" else {"rel": 1e-2 if by_maps else 2e-3}
         assert getattr(found.identified, name) == pytest.approx(value, **room), name
     assert found.maps.scale_rad == pytest.approx(packaged.maps.scale_rad, abs=1e-7)
+    assert found.maps.lean_rad_per_nm == pytest.approx(packaged.maps.lean_rad_per_nm, rel=1e-2)
     # The packaged maps hold the backlash, those of today have it beside them: the lead is the same but where waves
     # must round off its jumps of 21 urad.
     at = np.linspace(-3.1, 3.1, 1001)
