@@ -56,7 +56,11 @@ def main() -> int:
         each.add_argument("--seed", type=int, default=1)
     run.add_argument("--again", action="store_true", help="try survivors again: tests were added")
     branch = commands.add_parser(
-        "branches", help="write docs/evidence/branch_coverage.json; 1 when a branch is not run"
+        "branches",
+        help="write rows of docs/evidence/branch_coverage.json from all recorded parts; 1 when a branch is not run",
+    )
+    branch.add_argument(
+        "areas", nargs="*", metavar="AREA", help=f"{', '.join(branches.COUNTED)}; all when none"
     )
     branch.add_argument("--file", default="", help="list only sources with this in their path")
     for each in (plant, run):
@@ -131,7 +135,10 @@ def _record(folder: Path, part: str, tests: list[str]) -> int:
 
 
 def _branches(arguments: argparse.Namespace) -> int:
-    rows, missing = branches.branches(arguments.coverage)
+    unknown = [area for area in arguments.areas if area not in branches.COUNTED]
+    if unknown:
+        raise SystemExit(f"no area {unknown[0]}: {', '.join(branches.COUNTED)}")
+    rows, missing = branches.branches(arguments.coverage, arguments.areas or branches.COUNTED)
     branches.write(rows)
     for file, ways in missing.items():
         if arguments.file in file:

@@ -129,7 +129,8 @@ class LockOut:
         count, at_s = self._failures.get((account, address), (0, 0.0))
         if count < FAILURES:
             return 0.0
-        return max(0.0, at_s + min(LOCK_MAX_S, 2.0 ** (count - FAILURES)) - self._now())
+        # Without a bound of the power no float would hold it after 1029 failures, and nobody could log in any more.
+        return max(0.0, at_s + min(LOCK_MAX_S, 2.0 ** min(count - FAILURES, 10)) - self._now())
 
     def failed(self, account: str, address: str) -> int:
         """Count a wrong password; return the number of them."""

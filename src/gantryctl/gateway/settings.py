@@ -81,7 +81,10 @@ class Settings(NamedTuple):
 def is_loopback(host: str) -> bool:
     """Whether an address is of this machine only."""
     try:
-        return ipaddress.ip_address(host).is_loopback
+        found = ipaddress.ip_address(host)
+        # A listener of IPv6 sees this machine as ::ffff:127.0.0.1.
+        mapped = found.ipv4_mapped if isinstance(found, ipaddress.IPv6Address) else None
+        return (mapped or found).is_loopback
     except ValueError:
         return host == "localhost"
 

@@ -85,6 +85,23 @@ def test_an_axis_that_follows_goes_on() -> None:
     assert axis.angle_deg == pytest.approx(0.045 + 0.3 + 0.0 - 0.3, abs=0.005)
 
 
+def test_a_sound_axis_goes_on_behind_a_scan_that_was_held_up() -> None:
+    """100 scans of 4 ms are missed: at 0.3 deg/s 0.12 deg, and 0.095 deg beside the command are allowed."""
+    drive, axis = enabled()
+    axis.run(0.1, speed_deg_s=0.3)
+    clock = axis._clock
+
+    def held_up(deadline: int) -> Any:
+        axis._clock = clock
+        drive.deg += 100 * PERIOD_S * 0.3
+        return clock.wait_for(deadline + 100)
+
+    axis._clock = SimpleNamespace(wait_for=held_up)
+    axis.run(1.0, speed_deg_s=0.3)
+    # One scan of 0.0012 deg.
+    assert axis.angle_deg == pytest.approx(0.3 * (0.1 + 0.4 + 1.0), abs=0.0012)
+
+
 @pytest.mark.parametrize(
     ("changes", "stops"),
     [

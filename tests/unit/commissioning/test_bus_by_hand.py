@@ -10,19 +10,22 @@ import pytest
 
 from gantryctl.commissioning import steps_bus
 from gantryctl.commissioning.results import Outcome
+from gantryctl.machine import Machine, with_values
 from gantryctl.operation.home_reference import AbsoluteReading, RestVerdict
-from unit.commissioning.hand_drive import HandDrive, context, opens
+from unit.commissioning.hand_drive import MACHINE, HandDrive, context, opens
 
 SPAN = 2**31
 
 
-def judged(monkeypatch: pytest.MonkeyPatch, step: str, drive: HandDrive) -> Any:
+def judged(
+    monkeypatch: pytest.MonkeyPatch, step: str, drive: HandDrive, machine: Machine = MACHINE
+) -> Any:
     monkeypatch.setattr(steps_bus, "open_loop_axis", opens(drive))
     monkeypatch.setattr(
         steps_bus, "judge_statuswords", lambda samples: SimpleNamespace(agree=True, text="agrees")
     )
     monkeypatch.setattr(steps_bus, "_statusword_sample", lambda axis, scan: None)
-    return getattr(steps_bus, step)(context())
+    return getattr(steps_bus, step)(context(machine))
 
 
 @pytest.mark.parametrize(
@@ -73,6 +76,37 @@ def test_a_command_that_shows_too_late_fails(
     found = judged(monkeypatch, "sync", drive)
     assert found.number("dead_scans") == scans
     assert (found.outcome is Outcome.PASSED) is passes
+
+
+@pytest.mark.parametrize(("answer_ms", "passes"), [(2.9, True), (3.1, False)])
+def test_answers_that_leave_the_program_too_little_of_the_scan_fail(
+    monkeypatch: pytest.MonkeyPatch, answer_ms: float, passes: bool
+) -> None:
+    """Three quarters of 4 ms, of a bus that runs by the clock."""
+    drive = bus_drive(0, 0)
+    drive.process.answer_times_s = [1e-3 * answer_ms] * 100
+    machine = with_values(MACHINE, {"can.interface": "socketcan", "can.channel": "can0"})
+    found = judged(monkeypatch, "sync", drive, machine)
+    assert found.number("answer_p99_ms") == pytest.approx(answer_ms)
+    assert (found.outcome is Outcome.PASSED) is passes
+
+
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_an_input_passes_when_it_has_changed_and_come_back(
+    monkeypatch: pytest.MonkeyPatch, comes_back: bool
+) -> None:
+    """A switch that sticks after it was worked once is no switch."""
+    drive = bus_drive(0, 0)
+
+    def levels() -> dict[str, bool]:
+        scans = len(drive.wrote)
+        return {"door_ok": scans < 40 or (comes_back and scans >= 60)}
+
+    drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=levels))  # type: ignore[attr-defined]
+    monkeypatch.setattr(steps_bus, "_BY_HAND_S", 0.4)
+    found = judged(monkeypatch, "wiring", drive)
+    assert (found.outcome is Outcome.PASSED) is comes_back
+    assert "door_ok" in found.proof
 
 
 def bus_drive(pdo: int, sdo: int, missed: tuple[int, ...] = (0, 0)) -> HandDrive:

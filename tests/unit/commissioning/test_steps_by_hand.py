@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gantryctl.commissioning import steps_lacks, steps_motion, steps_power, steps_sign
@@ -96,6 +98,16 @@ def test_a_lowered_torque_limit_is_reached_and_not_passed(step: Any, torque_nm: 
         assert step(steps_sign, "sign", sign_drive(torque_nm=torque_nm)).outcome is Outcome.FAILED
 
 
+def test_a_push_that_moves_the_gantry_ends_after_its_way(step: Any) -> None:
+    """A drive that turns without any torque: 0.03 deg by the pulse, then back by 0.02 deg and the way of a scan."""
+    drive = HandDrive()
+    drive.opened.rows[0].verdict = ParameterVerdict.OK
+    found = step(steps_sign, "sign", drive)
+    assert (found.outcome, found.number("torque_most_nm")) == (Outcome.FAILED, 0.0)
+    # At 30 deg/s2 it goes at 1.1 deg/s by then, 0.0043 deg in a scan.
+    assert 0.03 - 0.02 - 0.0043 < drive.deg < 0.03 - 0.02
+
+
 @pytest.mark.parametrize("index", [0x6072, 0x6080])
 def test_a_limit_that_is_not_lowered_ends_the_step_before_anything_moves(step: Any, index: int) -> None:
     drive = sign_drive()
@@ -153,6 +165,8 @@ def test_the_brake_passes_by_the_torque_that_it_bore_without_slipping(
     # The torque is off before the drive is.
     last = next(k for k, output in enumerate(drive.wrote) if output.request is DriveRequest.DISABLE)
     assert abs(push * drive.wrote[last - 1].torque_ff_nm) < 3.0
+    # Beside its limit in the report.
+    assert found.figures["moved_deg"].high == 0.02
     if passes:
         assert (found.number("plus_nm"), found.number("minus_nm")) == pytest.approx((70.0, -70.0), abs=1.5)
 
@@ -366,3 +380,53 @@ def test_increments_of_a_turn_by_the_ceiling_of_the_speed(
     steps_sign._counts(SimpleNamespace(), settings, 1.0, {0x6080: 1}, figures)  # type: ignore[arg-type]
     (figure,) = figures.values()
     assert figure.within is passes
+
+
+# --- motion with the position loop closed -----------------------------------------------------------------------------
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch, trace: dict[str, np.ndarray]) -> None:
+    """What the recorder of a run has kept, whatever the run does."""
+
+    @contextmanager
+    def run(c: object, part: str) -> Iterator[tuple[Any, Any]]:
+        nothing = lambda *_: None  # noqa: E731
+        yield SimpleNamespace(angle_deg=0.0, jog=nothing, move=nothing, observe=nothing), SimpleNamespace(
+            trace=lambda: trace
+        )
+
+    monkeypatch.setattr(steps_motion, "_recorded_run", run)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_way_of_a_jog_release_is_that_of_its_ramp(
+    monkeypatch: pytest.MonkeyPatch, direction: float
+) -> None:
+    """3 deg/s for 3 s, then down at 5 deg/s2: 9/10 deg."""
+    up, down = np.arange(0.0, 3.0, 0.02), np.arange(3.0, 0.0, -0.02)
+    vel = direction * np.concatenate((up, np.full(750, 3.0), down, np.zeros(250)))
+    way = np.cumsum(vel) * PERIOD_S
+    recorded(monkeypatch, {"vel_ref_rad_s": np.radians(vel), "pos_act_rad": np.radians(way)})
+    # One scan of 0.012 deg.
+    assert steps_motion._jog_release(context(), 3.0) == pytest.approx(0.9, abs=0.012)
+
+
+def test_friction_and_eccentric_moment_are_told_at_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    """5 kN m of friction, and a weight of 2 kN m beside and 1 kN m below the axis, through 1144 turns of the motor."""
+    angle = np.concatenate((np.radians(np.arange(-178.0, 178.0)), np.radians(np.arange(178.0, -178.0, -1.0))))
+    forward = np.repeat((1.0, -1.0), 356)
+    at_load = 5000.0 * forward + 2000.0 * np.sin(angle) - 1000.0 * np.cos(angle)
+    recorded(
+        monkeypatch,
+        {
+            "vel_ref_rad_s": np.radians(3.0) * forward,
+            "pos_act_rad": angle,
+            "pos_err_rad": np.radians(0.002) * forward,
+            "torque_act_nm": at_load / 1144.0,
+        },
+    )
+    found = steps_motion.slow_turn(context())
+    names = ("friction_nm", "moment_sine_nm", "moment_cosine_nm", "remainder_nm", "following_error_deg")
+    assert [found.number(name) for name in names] == pytest.approx(
+        [5000.0, 2000.0, -1000.0, 0.0, 0.002], abs=1e-6
+    )

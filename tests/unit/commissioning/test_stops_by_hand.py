@@ -12,7 +12,7 @@ import pytest
 
 from gantryctl.commissioning import steps_lacks, steps_motion
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
-from gantryctl.commissioning.stopping import silence
+from gantryctl.commissioning.stopping import silence, steps_silence
 from gantryctl.commissioning.stopping.quick_stop import (
     QuickStop,
     computed_way_deg,
@@ -301,3 +301,36 @@ def test_a_drive_that_stays_enabled_in_a_silence_is_broken_off_when_its_time_is_
     seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 1.0), speed)
     assert seen.broken_off.startswith("still operation enabled 80 ms")
     assert seen.way_deg == pytest.approx(0.08, abs=1e-6)
+
+
+def test_what_a_sync_shows_right_after_the_limit_was_so_before() -> None:
+    """A drive that answers no SDO in OPERATIONAL is looked at by SYNC when its time is over: 0.05 s, four scans and 10
+    ms. It has been in its fault since before, and is not late.
+    """
+    drive, axis = enabled()
+    drive.process.age, drive.process.statusword = 0, 0x0008  # Fault
+    drive.node.emergencies = SimpleNamespace(count=0)
+    drive.requests = SimpleNamespace(read=lambda *_: None)  # type: ignore[attr-defined]
+    drive.beside = SimpleNamespace(ask_brake_contact=lambda: False)  # type: ignore[attr-defined]
+    drive.look = drive.read  # type: ignore[attr-defined]
+    drive.write = lambda output: None  # type: ignore[method-assign]
+    drive.state, drive.brake_open = S.FAULT, False
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.COMMANDS,), 0.05, 0.05))
+    assert seen.stopped, seen
+    assert seen.stopped_s == pytest.approx(0.05 + 4 * PERIOD_S + 0.01)
+
+
+@pytest.mark.parametrize(("stopped_s", "passes"), [(0.07, True), (0.09, False)])
+def test_a_drive_that_stops_after_its_time_fails_its_silence(
+    step: Any, monkeypatch: pytest.MonkeyPatch, stopped_s: float, passes: bool
+) -> None:
+    """0.05 s, four scans and 10 ms to see it: 76 ms."""
+    drive = HandDrive()
+    drive.settings.rpdo_deadline_s = 0.05
+    seen = silence.SilentDrive(stopped_s=stopped_s, state=S.FAULT, brake_open=False)
+    monkeypatch.setattr(steps_silence, "fall_silent", lambda *_: seen)
+    monkeypatch.setattr(steps_silence, "watched_ways", lambda axis: (silence.Way.COMMANDS,))
+    monkeypatch.setattr(steps_silence, "_keep_proof", lambda c: None)
+    found = step(steps_silence, "silence", drive)
+    assert (found.outcome is Outcome.PASSED) is passes
+    assert found.figures["process_data_ms"].high == pytest.approx(76.0)

@@ -221,15 +221,16 @@ def test_a_connection_that_ends_leaves_no_task_behind(access: Access) -> None:
         asyncio.run(check(turns))
 
 
+@pytest.mark.parametrize("here", ["127.0.0.1", "::1", "::ffff:127.0.0.1"])
 def test_a_lock_on_this_machine_is_for_the_local_user_who_guessed(
-    access: Access, monkeypatch: pytest.MonkeyPatch
+    access: Access, monkeypatch: pytest.MonkeyPatch, here: str
 ) -> None:
     uids = {1: 1000, 2: 1001, 3: None}
     monkeypatch.setattr(peers, "user_of", lambda client, _: uids[client[1]])
 
     async def tries(port: int, password: str) -> int:
-        request = asking("127.0.0.1")
-        request.scope.update(client=("127.0.0.1", port), server=("127.0.0.1", 80))
+        request = asking(here)
+        request.scope.update(client=(here, port), server=(here, 80))
         return (await access.log_in(request, "anna", password)).status_code
 
     async def check() -> None:

@@ -387,6 +387,27 @@ def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(run:
     run(check)
 
 
+def test_an_authority_that_is_revoked_itself_speaks_for_nobody(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        key = await load_private_key(bench.root / "client.pem")
+        authority, now = rsa.generate_private_key(65537, 2048), datetime.now(UTC)
+        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
+        (bench.root / "signed.der").write_bytes(of_client(key, 5, authority).public_bytes(Encoding.DER))
+        own = of_authority(authority)
+        (bench.trusted / "authority.pem").write_bytes(own.public_bytes(Encoding.PEM))
+        await bench.listener.sweep()
+        assert not await refused(bench, "signed")
+        row = x509.RevokedCertificateBuilder().serial_number(own.serial_number).revocation_date(now).build()
+        made = x509.CertificateRevocationListBuilder().issuer_name(AUTHORITY).last_update(now)
+        made = made.next_update(now + timedelta(days=1)).add_revoked_certificate(row)
+        revoked = bench.trusted.with_name("revoked") / "list.der"
+        revoked.write_bytes(made.sign(authority, SHA256()).public_bytes(Encoding.DER))
+        await bench.listener.sweep()
+        assert await refused(bench, "signed")
+
+    run(check)
+
+
 def of_authority(key: Any) -> x509.Certificate:
     """An authority's own certificate."""
     now = datetime.now(UTC)

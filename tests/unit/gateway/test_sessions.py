@@ -108,6 +108,18 @@ def test_failures_double_the_wait_for_this_account_and_address_only() -> None:
     assert locks.wait_s("anna", "here") == 0.0
 
 
+def test_a_long_run_of_failures_ends_no_account() -> None:
+    """Ten days of guesses, one every 15 minutes, are 960 and more: afterwards the right password still counts."""
+    clock = Clock()
+    locks = LockOut(clock)
+    for _ in range(2000):
+        locks.failed("anna", "here")
+        clock.s += locks.wait_s("anna", "here")
+    assert locks.wait_s("anna", "here") == 0.0
+    locks.failed("anna", "here")
+    assert locks.wait_s("anna", "here") == 900.0
+
+
 def test_a_flood_of_names_does_not_fill_the_memory() -> None:
     locks = LockOut(Clock())
     for n in range(20_000):

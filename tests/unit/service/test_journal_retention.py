@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import sqlite3
 import threading
@@ -16,10 +17,11 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.recorder import process as recorder
 from gantryctl.service.recorder.journal import writer as journal_module
+from gantryctl.service.recorder.journal.mirror import SystemFile
 from gantryctl.service.recorder.journal.places import FILE, places_of
 from gantryctl.service.recorder.journal.proof import Fault, verify
 from gantryctl.service.recorder.journal.reading import anchor, read_journal
-from gantryctl.service.recorder.journal.writer import Journal
+from gantryctl.service.recorder.journal.writer import Journal, JournalFault
 from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from support.power_cut import Disk, Step
@@ -235,3 +237,35 @@ def test_events_wait_in_memory_while_the_disk_is_slow_and_none_is_acknowledged_b
     first, said, second = bench.texts()
     assert (first, second) == ("first", "second")
     assert said.startswith("JRN-02 the disk took ")
+
+
+@pytest.mark.parametrize("where", [0, 1])
+@pytest.mark.parametrize("behind", [["another one"], []])
+def test_what_the_recorder_says_is_kept_once_however_long_a_mirror_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: int, behind: list[str]
+) -> None:
+    bench = Bench(tmp_path)
+    bench.log.put("command", "before")
+    bench.writer.drain()
+    writer: Any = bench.writer
+    failing, write = [writer._journal._mirrors[where]._file], SystemFile.write
+
+    def broken(file: SystemFile, offset: int, data: bytes) -> None:
+        if file in failing:
+            raise OSError(errno.EIO, "a broken disk")
+        write(file, offset, data)
+
+    monkeypatch.setattr(SystemFile, "write", broken)
+    bench.writer.tell("the run before was cut off")
+    for text in behind:
+        bench.log.put("command", text)
+    for _ in range(5):
+        with pytest.raises(JournalFault, match="a broken disk"):
+            bench.writer.drain()
+    assert bench.memory.events[2].done == 1  # nobody gets an answer for what is behind it
+    failing.clear()
+    bench.writer.drain()
+    assert bench.memory.events[2].done == 1 + len(behind)
+    bench.writer.close()
+    assert bench.texts() == ["before", *behind, "the run before was cut off"]
+    assert not verify(tmp_path).wrong

@@ -133,7 +133,8 @@ class TrustList:
                 faults.append(f"{file.name} cannot be read, {less}: {fault}")
         if void:
             known = []
-        authorities = [each for each in known if _is_authority(each)]
+        # One that is revoked itself speaks for nobody.
+        authorities = [each for each in known if _is_authority(each) and each.serial_number not in serials]
         # cryptography refuses an empty store.
         self._authorities = verification.Store(authorities) if authorities else None
         self._known = frozenset(_der(each) for each in known)

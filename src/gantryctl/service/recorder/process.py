@@ -131,15 +131,16 @@ class EventWriter:
             # numbers of the ring make every event exactly once.
             for source, _, records in batches:
                 rings[source].advance(len(records))
-        self.failed = False
         while self.notes:
             note = self.notes[0]
             self._note(note.kind, note.text, **note.values)
             self.notes.popleft()
         self._report_disk()
+        journal.reflect()
         self._prune()
         self._keep_anchor(journal)
         journal.settle()
+        self.failed = False
         return bool(batches)
 
     def _report_disk(self) -> None:

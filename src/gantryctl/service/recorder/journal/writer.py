@@ -116,7 +116,7 @@ class Journal:
             self._tell(Code.JRN_04, wrong, reason=self._what_is_missing(last))
         elif self._seq:
             self._look_at_mirrors()
-        self._reflect()
+        self.reflect()
         self._watch = self._new_watch()
         self._told: set[Changed] = set()
         self._settled_s, self._unsettled = time.monotonic(), True
@@ -218,12 +218,11 @@ class Journal:
         for batch in batches:
             last = batch.first + len(batch.records) - 1
             self._numbers[batch.source] = max(self._numbers.get(batch.source, 0), last)
-        self._reflect()
+        self.reflect()
 
     def note(self, kind: str, text: str, **values: object) -> None:
-        """Keep an event of the recorder itself."""
+        """Keep an event of the recorder itself; like every event it counts as kept after `reflect`."""
         self._keep([file.own_row(kind, text, **values)])
-        self._reflect()
 
     def _tell(self, code: Code, wrong: str = "", **values: object) -> None:
         """Keep an alarm that locks the journal until service has acknowledged it; `wrong` goes into its detail."""
@@ -256,8 +255,12 @@ class Journal:
     def _failed(self, fault: sqlite3.Error) -> JournalFault:
         return JournalFault(f"{self.path}: {fault}", damaged=file.is_damage(fault))
 
-    def _reflect(self) -> None:
-        """Write the newest event into both mirrors: before that no event counts as kept."""
+    def reflect(self) -> None:
+        """Write the newest event into both mirrors: before that no event counts as kept.
+
+        Raises:
+            JournalFault: a mirror cannot be written.
+        """
         if self._mirrored == self._seq:
             return
         newest = Newest(self.newest, self._lock)
@@ -297,7 +300,7 @@ class Journal:
             ("DELETE FROM events WHERE seq <= ?", (upto,)),
             ("UPDATE base SET seq = ?, hash = ?", (upto, last)),
         )
-        self._reflect()
+        self.reflect()
         return int(upto - base)
 
     def _older(self, days: int) -> int:
@@ -402,7 +405,7 @@ class Journal:
                 self._write_events_anew()
             self._watch.close()
             self._mirrored = -1
-            self._reflect()
+            self.reflect()
             self._watch = self._new_watch()
         except (DeviceError, sqlite3.Error, OSError) as fault:
             raise JournalFault(f"{self.path}: {fault}") from fault
