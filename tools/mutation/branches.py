@@ -53,9 +53,7 @@ def branches(
         whole.touch_files([str(root / file) for area in areas for file in area_files(area, root)])
         for part in parts:
             taken = _taken(folder, part, Path(scratch), root)
-            whole.add_arcs(
-                {str(root / file): ways for file, ways in taken.items() if area_of(file) in areas}
-            )
+            whole.add_arcs({str(root / file): ways for file, ways in taken.items() if area_of(file) in areas})
         whole.close()
         measured = coverage.Coverage(data_file=joined, branch=True, config_file=False, messages=False)
         measured.set_option("report:exclude_also", _NOT_RUN)

@@ -17,9 +17,7 @@ from unit.commissioning.hand_drive import MACHINE, HandDrive, context, opens
 SPAN = 2**31
 
 
-def judged(
-    monkeypatch: pytest.MonkeyPatch, step: str, drive: HandDrive, machine: Machine = MACHINE
-) -> Any:
+def judged(monkeypatch: pytest.MonkeyPatch, step: str, drive: HandDrive, machine: Machine = MACHINE) -> Any:
     monkeypatch.setattr(steps_bus, "open_loop_axis", opens(drive))
     monkeypatch.setattr(
         steps_bus, "judge_statuswords", lambda samples: SimpleNamespace(agree=True, text="agrees")

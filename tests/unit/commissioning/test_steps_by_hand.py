@@ -391,8 +391,9 @@ def recorded(monkeypatch: pytest.MonkeyPatch, trace: dict[str, np.ndarray]) -> N
     @contextmanager
     def run(c: object, part: str) -> Iterator[tuple[Any, Any]]:
         nothing = lambda *_: None  # noqa: E731
-        yield SimpleNamespace(angle_deg=0.0, jog=nothing, move=nothing, observe=nothing), SimpleNamespace(
-            trace=lambda: trace
+        yield (
+            SimpleNamespace(angle_deg=0.0, jog=nothing, move=nothing, observe=nothing),
+            SimpleNamespace(trace=lambda: trace),
         )
 
     monkeypatch.setattr(steps_motion, "_recorded_run", run)

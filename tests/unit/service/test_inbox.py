@@ -167,6 +167,18 @@ def test_the_numbers_of_a_thousand_connections_are_kept_and_those_of_one_that_ha
     link.inbox.check_sequence(pending("page 5", seq=1))
 
 
+def test_a_page_that_goes_on_commanding_is_not_forgotten_for_others() -> None:
+    """Of 1024 connections that are remembered the one that was quiet for longest goes, not the one that came first."""
+    link = Link()
+    link.inbox.check_sequence(pending("first", seq=1))
+    for n in range(module._CLIENTS - 1):
+        link.inbox.check_sequence(pending(f"page {n}", seq=1))
+    link.inbox.check_sequence(pending("first", seq=2))
+    link.inbox.check_sequence(pending("newcomer", seq=1))
+    with pytest.raises(MessageRefused):
+        link.inbox.check_sequence(pending("first", seq=2))
+
+
 def test_the_end_of_a_gateway_is_the_end_of_all_its_connections() -> None:
     link = Link()
     link.send(who("page"), type="restart")

@@ -240,6 +240,35 @@ def test_the_local_console_takes_control_and_stops_what_moves() -> None:
     assert bench.refused(who, "take", over=True) == "SEC-08"
 
 
+def test_control_is_taken_over_from_who_stands_and_not_from_who_moves() -> None:
+    bench = Bench()
+    who, other = bench.who(), bench.who(client="other")
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.scans(3000)
+    assert bench.refused(other, "take", over=True) == "SEC-08"
+    assert bench.operator.authority.holds(who)
+    bench.do(who, "halt")
+    bench.until(AxisState.STANDSTILL)
+    bench.do(other, "take", over=True)
+    assert bench.operator.authority.holds(other)
+
+
+def test_commands_of_one_scan_are_done_one_after_the_other_and_each_has_its_answer() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    sent = [bench.send(who, "move_by", distance_deg=5.0), bench.send(who, "halt")]
+    # A scan for each, and one between them in which the levels fall.
+    bench.scans(4)
+    answered = {}
+    for ring in bench.replies:
+        while (record := ring.take()) is not None:
+            reply = json.loads(record)[1]
+            answered[reply["seq"]] = reply["ok"]
+    assert answered == dict.fromkeys(sent, True)
+
+
 def test_a_holder_that_is_silent_loses_control_and_its_move_goes_on() -> None:
     bench = Bench()
     who = bench.who()

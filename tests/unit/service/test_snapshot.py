@@ -28,3 +28,18 @@ def test_the_last_whole_state_is_shown_with_its_age_while_the_next_one_is_writte
         # The frame that is made of it names one that the controller issued, so a sign of life with it counts.
         assert clock.issued_s(mark_of(again["issued_ms"], reader.key, "anna"), "anna") == 1.25
         assert late_reader.fast() == ({}, math.inf)
+
+
+def test_a_mark_counts_whole_or_not_at_all() -> None:
+    """Whoever guesses may be right in all digits of the seal but one."""
+    clock = FrameClock(0.0)
+    clock.tick(1.25)
+    mark = mark_of(clock.issued_ms, clock.key, "anna")
+    assert clock.issued_s(mark, "anna") == 1.25
+    assert math.isnan(clock.issued_s(mark, "ben"))
+    first = mark.index("-") + 1
+    for at in range(first, len(mark)):
+        other = "0" if mark[at] != "0" else "1"
+        assert math.isnan(clock.issued_s(mark[:at] + other + mark[at + 1 :], "anna")), at
+    for cut in ("", mark[first:], mark[first:-1]):
+        assert math.isnan(clock.issued_s(f"{mark[:first]}{cut[:-1]}", "anna"))
