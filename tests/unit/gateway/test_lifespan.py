@@ -1,0 +1,104 @@
+"""What the gateway does at its start and end: keys must not outlive it, and it must not live on half dead."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gantryctl.gateway import app as module
+from gantryctl.gateway.settings import Settings
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.protocol.roles import Role
+
+
+class Gateway:
+    """An application and its hub; `killed` are the signals that it has sent."""
+
+    def __init__(self, folder: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.hubs: list[Hub] = []
+        self.killed: list[tuple[int, int]] = []
+        monkeypatch.setattr(module, "Hub", self._hub)
+        monkeypatch.setattr(module.os, "kill", lambda process, sent: self.killed.append((process, sent)))
+        self.app = module.build_app(
+            Settings("127.0.0.1", 1, -1, None, None, (), folder, folder), memory, module.Page(folder)
+        )
+
+    def _hub(self, *how: Any) -> Hub:
+        self.hubs.append(Hub(*how))
+        return self.hubs[-1]
+
+    async def live(self, during: Callable[[], Awaitable[None]]) -> None:
+        """From its start to its end."""
+        asked: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+        said: asyncio.Queue[Any] = asyncio.Queue()
+        running = asyncio.create_task(self.app({"type": "lifespan", "state": {}}, asked.get, said.put))
+        await asked.put({"type": "lifespan.startup"})
+        assert (await said.get())["type"] == "lifespan.startup.complete"
+        await during()
+        await asked.put({"type": "lifespan.shutdown"})
+        assert (await said.get())["type"] == "lifespan.shutdown.complete"
+        await running
+
+
+@pytest.fixture
+def memory() -> Iterator[SharedMemory]:
+    made = SharedMemory.create()
+    yield made
+    made.close()
+
+
+def test_at_its_end_nobody_is_connected_any_more(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The controller is told of each: a key that nobody renews is let go at once, and not after its lease."""
+    gateway = Gateway(tmp_path, memory, monkeypatch)
+    (hub,) = gateway.hubs
+
+    async def during() -> None:
+        for _ in range(2):
+            hub.connect("anna", Role.OPERATOR, "remote", "")
+        assert len([*hub.clients()]) == 2
+        await asyncio.sleep(0)
+
+    asyncio.run(gateway.live(during))
+    assert not [*hub.clients()]
+    assert not gateway.killed
+
+
+def test_a_part_that_fails_ends_the_whole(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A page that shows old states is worse than none: the supervisor starts another gateway."""
+
+    async def fails(_: Hub) -> None:
+        raise RuntimeError("the picture is gone")
+
+    monkeypatch.setattr(Hub, "run", fails)
+    gateway = Gateway(tmp_path, memory, monkeypatch)
+
+    async def during() -> None:
+        for _ in range(5):
+            await asyncio.sleep(0)
+
+    asyncio.run(gateway.live(during))
+    assert gateway.killed == [(os.getpid(), signal.SIGTERM)]
+
+
+def test_it_gives_signs_of_life(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gateway = Gateway(tmp_path, memory, monkeypatch)
+    memory.words[Word.GATEWAY_NS] = 0
+
+    async def during() -> None:
+        await asyncio.sleep(0)
+        assert memory.words[Word.GATEWAY_NS] > 0
+
+    asyncio.run(gateway.live(during))
