@@ -160,6 +160,9 @@ def test_anybody_stops_it_in_every_phase(phase: BrakeTestPhase, kind: str, role:
     bench.do(bench.who(role), kind)
     assert outcome(bench) is BrakeTestOutcome.ABORTED
     assert bench.axis.state is (AxisState.ERROR_STOP if kind == "quick_stop" else AxisState.DISABLED)
+    # The level of a stop ends with the motion: afterwards it would hold the axis.
+    bench.scans(10)
+    assert not (bench.operator.levels.stop or bench.operator.levels.quick_stop)
 
 
 @pytest.mark.parametrize("phase", RUNNING)

@@ -328,3 +328,20 @@ def test_a_long_recording_asks_for_a_next_file(tmp_path: Path, monkeypatch: pyte
     bench.writer.drain(at_once=True)
     assert bench.memory.words[Word.RECORDING_LONG] == 41
     bench.memory.close()
+
+
+def test_nothing_is_recorded_into_what_is_reserved_and_with_room_again_it_goes_on(tmp_path: Path) -> None:
+    """64 MB are reserved; a tenth more must be free before it goes on, or recordings would come and go."""
+    bench = Bench(tmp_path)
+    free_mb = 1000
+    bench.writer = TraceWriter(bench.memory, tmp_path, lambda: free_mb * 2**20)
+    stopped = []
+    for free_mb in (1000, 63, 69, 71):  # noqa: B007 - the writer looks at it
+        bench.rows(100)
+        bench.writer.drain(at_once=True)
+        stopped.append(bool(bench.memory.words[Word.RECORDING_STOPPED]))
+    assert stopped == [False, True, True, False]
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    assert bench.kept() == [k / 7 for k in (*range(100), *range(300, 400))]
+    bench.memory.close()
