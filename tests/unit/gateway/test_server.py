@@ -54,6 +54,10 @@ async def hello(request: Request) -> PlainTextResponse:
     return PlainTextResponse("hello")
 
 
+async def who(request: Request) -> PlainTextResponse:
+    return PlainTextResponse(request.client.host if request.client else "")
+
+
 async def big(request: Request) -> StreamingResponse:
     return StreamingResponse(b"x" * 65536 for _ in range(1000))
 
@@ -84,6 +88,7 @@ def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None, *, gua
                 routes=[
                     Route("/", hello, methods=["GET", "POST"]),
                     Route("/big", big),
+                    Route("/who", who),
                     WebSocketRoute("/ws", refuse),
                     WebSocketRoute("/echo", echo),
                 ]
@@ -515,6 +520,20 @@ def test_an_address_has_its_places_and_no_more() -> None:
         mine[0].leave()
     assert places.take("192.0.2.7") is not None
     assert places.take("192.0.2.7") is None
+
+
+def test_what_a_client_says_of_its_address_is_not_believed() -> None:
+    """Limits and the journal go by the address of the connection: anybody can write the header of a proxy."""
+
+    async def check(port: int) -> None:
+        for header in ("X-Forwarded-For: 192.0.2.9", "Forwarded: for=192.0.2.9", "X-Real-IP: 192.0.2.9"):
+            asked = f"GET /who HTTP/1.1\r\nHost: x\r\n{header}\r\nConnection: close\r\n\r\n"
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(asked.encode())
+            assert (await reader.read()).endswith(b"127.0.0.1")
+            writer.close()
+
+    run(check)
 
 
 def test_who_has_been_idle_for_longest_makes_room() -> None:

@@ -162,7 +162,8 @@ def test_anybody_stops_it_in_every_phase(phase: BrakeTestPhase, kind: str, role:
     assert bench.axis.state is (AxisState.ERROR_STOP if kind == "quick_stop" else AxisState.DISABLED)
     # The level of a stop ends with the motion: afterwards it would hold the axis.
     bench.scans(10)
-    assert not (bench.operator.levels.stop or bench.operator.levels.quick_stop)
+    assert not bench.operator.levels.stop
+    assert not bench.operator.levels.quick_stop
 
 
 @pytest.mark.parametrize("phase", RUNNING)

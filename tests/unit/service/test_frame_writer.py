@@ -95,18 +95,25 @@ def test_an_alarm_keeps_the_frames_around_it_and_the_journal_says_where(
     assert len(list(read_frames(tmp_path / "bus.log"))) == 400
 
 
-def test_on_a_full_disk_nothing_is_kept_and_it_is_told(memory: SharedMemory, tmp_path: Path) -> None:
+@pytest.mark.parametrize("free_mb", [0, 63])
+def test_on_a_full_disk_nothing_is_kept_and_it_is_told(
+    memory: SharedMemory, tmp_path: Path, free_mb: int
+) -> None:
+    """64 MB are reserved."""
     bench = Bench(memory, tmp_path, tmp_path / "bus.log")
     spoken(memory, 1.0, 10.0)
     bench.writer.drain()
-    bench.free = 0
+    bench.free = free_mb * MB
     spoken(memory)
     bench.writer._room_s = 0.0  # the next look at the disk is due
+    bench.writer.drain()
+    RingFrames(memory.frames)._take(50.0, 0x182, b"34", False)
     bench.writer.drain()
     bench.writer.close()
     assert not list(tmp_path.glob("traces/*"))
     assert any("the frames around CAN-03 are not kept: the disk is full" in line for line in bench.told)
     assert any("the log of the bus ends here: the disk is full" in line for line in bench.told)
+    assert "182#3334" not in (tmp_path / "bus.log").read_text()
 
 
 def test_a_recorder_that_was_killed_is_followed_by_one_with_a_file_of_its_own(
@@ -160,3 +167,18 @@ def test_a_log_that_cannot_be_made_costs_the_log_only(memory: SharedMemory, tmp_
     bench.writer.close()
     assert any("there is no log of the bus" in line for line in bench.told)
     assert len(list(tmp_path.glob("traces/bus-CAN-03-*.log"))) == 1
+
+
+def test_an_alarm_that_is_told_late_keeps_the_frames_of_its_own_time(
+    memory: SharedMemory, tmp_path: Path
+) -> None:
+    bench = Bench(memory, tmp_path)
+    frames = RingFrames(memory.frames)
+    take = frames.link("simulated", virtual=True)
+    for k in range(400):
+        take(0.1 * k, 0x182, b"12", False)
+    frames.alarm("CAN-03", Path("unused"), 25.0)
+    bench.writer.drain()
+    bench.writer.close()
+    (frozen,) = (tmp_path / "traces").glob("bus-CAN-03-*.log")
+    assert read_alarms(frozen) == [("CAN-03", pytest.approx(39.9 - 25.0))]

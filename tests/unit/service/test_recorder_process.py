@@ -13,6 +13,8 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder import process
 from gantryctl.service.recorder.journal import mirror
+from gantryctl.service.recorder.journal.chain import Anchor
+from gantryctl.service.recorder.journal.key import Key
 from gantryctl.service.recorder.journal.places import KEYS_VARIABLE, places_of
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.recorder.journal.writer import Journal, JournalFault
@@ -158,3 +160,14 @@ def test_every_machine_has_its_own_proofs(
     # Whoever writes the state directory does not write there.
     for each in (one, other):
         assert tmp_path / "state" not in each.key.parents
+
+
+def test_a_mirror_with_the_seal_of_somebody_else_shows_nothing(tmp_path: Path) -> None:
+    mine, his = Key(b"m" * 32), Key(b"h" * 32)
+    for key in (mine, his):
+        made = mirror.Mirror(tmp_path / key.name, key)
+        for _ in range(2):
+            made.write(mirror.Newest(Anchor(3, "00", "", "journal"), 0))
+        made.close()
+    assert mirror.read_mirror(tmp_path / mine.name, mine).newest is not None
+    assert mirror.read_mirror(tmp_path / his.name, mine) == mirror.Reflection(None, 0, damaged=True)

@@ -174,7 +174,10 @@ def test_the_oldest_recordings_go_when_all_need_more_than_the_quota_whatever_the
     bench.memory.close()
 
 
-def test_a_recording_that_needs_the_whole_quota_alone_is_left(tmp_path: Path) -> None:
+def test_a_recording_that_needs_the_whole_quota_alone_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trace_writer, "QUOTA_S", -1.0)  # at every look
     bench = Bench(tmp_path)
     bench.writer = TraceWriter(bench.memory, tmp_path, lambda: PLENTY, RetentionPolicy(traces_mb=0))
     bench.rows(10)
