@@ -80,7 +80,7 @@ def _taken(folder: Path, part: str, scratch: Path, root: Path) -> dict[str, list
     texts = json.loads((folder / f"tests.{part}.json").read_text(encoding="utf-8"))["texts"]
     data = coverage.CoverageData(basename=str(copy))
     data.read()
-    found = {}
+    found: dict[str, list[Way]] = {}
     for path in data.measured_files():
         file = f"{SOURCES}/" + path.partition(f"{SOURCES}/")[2]
         if (root / file).exists():
@@ -94,7 +94,7 @@ def _taken(folder: Path, part: str, scratch: Path, root: Path) -> dict[str, list
 def _lines_now(then: str, now: str) -> dict[int, int]:
     """The present number of every line that is as it was; below zero that of the function that begins there."""
     matcher = difflib.SequenceMatcher(None, then.split("\n"), now.split("\n"), autojunk=False)
-    found = {}
+    found: dict[int, int] = {}
     for before, after, size in matcher.get_matching_blocks():
         found |= {before + step: after + step for step in range(1, size + 1)}
     return found | {-line: -number for line, number in found.items()}
