@@ -7,11 +7,15 @@ import os
 import signal
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gantryctl.gateway import app as module
+from gantryctl.gateway.peers import is_forwarded
+from gantryctl.gateway.rest import _numbers
+from gantryctl.gateway.routes import API
 from gantryctl.gateway.settings import Settings
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Word
@@ -102,3 +106,45 @@ def test_it_gives_signs_of_life(
         assert memory.words[Word.GATEWAY_NS] > 0
 
     asyncio.run(gateway.live(during))
+
+
+@pytest.mark.parametrize(
+    "name", ["Forwarded", "Via", "X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP"]
+)
+def test_every_header_of_a_proxy_says_that_a_request_was_carried_here(name: str) -> None:
+    """RFC 7239, RFC 9110 section 7.6.3, and what is used beside them: nobody is at the console through one."""
+    assert is_forwarded({"headers": [(b"host", b"x"), (name.lower().encode(), b"1.1 proxy")]})
+    assert is_forwarded({"headers": [(name.encode(), b"1.1 proxy")]})
+    assert not is_forwarded({"headers": [(b"host", name.encode())]})
+
+
+def test_no_answer_of_the_interface_may_be_kept(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A state that a browser or a proxy has kept would be shown as that of now."""
+    app = Gateway(tmp_path, memory, monkeypatch).app
+    for path in (f"{API}/health", f"{API}/status", "/api/nowhere"):
+        said: list[Any] = []
+        scope = {
+            "type": "http", "method": "GET", "path": path, "raw_path": path.encode(), "query_string": b"",
+            "headers": [(b"host", b"127.0.0.1:1")], "client": ("192.0.2.7", 1), "http_version": "1.1",
+            "scheme": "http", "root_path": "", "state": {},
+        }  # fmt: skip
+
+        async def receive() -> dict[str, Any]:
+            return {"type": "http.request", "body": b""}
+
+        async def send(message: Any, said: list[Any] = said) -> None:
+            said.append(message)
+
+        asyncio.run(app(scope, receive, send))
+        assert dict(said[0]["headers"])[b"cache-control"] == b"no-store", path
+
+
+@pytest.mark.parametrize("text", ["²", "٣", "1e3", "-1", "+1", " 1", "", "9" * 40])
+def test_a_number_of_a_query_is_of_plain_digits(text: str) -> None:
+    asked: Any = SimpleNamespace(query_params={"from": text})
+    refused = _numbers(asked, [("from", 0)])
+    assert getattr(refused, "status_code", None) == 400
+    asked.query_params["from"] = "17"
+    assert _numbers(asked, [("from", 0)]) == [17]

@@ -41,6 +41,8 @@ def test_files_are_served_packed_and_by_tag(folder: Path) -> None:
         assert gzip.decompress(bytes(packed.body)) == plain.body
         assert plain.headers["cache-control"] == lasting
         assert page.answer(request(path, if_none_match=plain.headers["etag"])).status_code == 304
+        # What the browser has of the version before is not that of now.
+        assert page.answer(request(path, if_none_match='"of the version before"')).status_code == 200
     assert page.answer(request("/assets/a.js")).media_type == "text/javascript"
 
 

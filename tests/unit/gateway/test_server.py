@@ -31,6 +31,7 @@ from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Role
 from support.certificates import certificate
 
@@ -532,6 +533,33 @@ def test_what_a_client_says_of_its_address_is_not_believed() -> None:
             writer.write(asked.encode())
             assert (await reader.read()).endswith(b"127.0.0.1")
             writer.close()
+
+    run(check)
+
+
+def test_a_head_without_an_end_ends_its_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    """16 KiB of it are kept, whatever comes behind them; the time of a request would be over much later."""
+    for module in (door, server):
+        monkeypatch.setattr(module, "HEADER_S", 1000.0)
+
+    async def check(port: int) -> None:
+        await until_closed(port, b"GET / HTTP/1.1\r\nHost: x\r\nX-Long: " + b"a" * 40_000)
+
+    run(check)
+
+
+@pytest.mark.parametrize(("size", "taken"), [(MESSAGE_MAX, True), (MESSAGE_MAX + 1, False)])
+def test_a_message_of_a_websocket_has_a_longest_length(size: int, taken: bool) -> None:
+    async def check(port: int) -> None:
+        async with connect(f"ws://127.0.0.1:{port}/echo") as web:
+            await web.send("x" * size)
+            if taken:
+                assert await web.recv() == "x" * size
+            else:
+                with pytest.raises(ConnectionClosedError) as closed:
+                    await web.recv()
+                assert closed.value.rcvd is not None
+                assert closed.value.rcvd.code == 1009
 
     run(check)
 

@@ -84,3 +84,14 @@ def test_arming_something_else_takes_its_place() -> None:
 def test_nobody_has_armed_anything_at_the_start() -> None:
     assert not allowed(Arming(), TEST, ANNA)
     assert Arming().left_s(7, 0.0) == 0.0
+
+
+def test_ends_of_connections_mean_nothing_while_nothing_is_armed() -> None:
+    """They come in every scan, and the scan must go on."""
+    arming = Arming()
+    arming.gone("page")
+    for local in (True, False):
+        arming.gone_all(local=local)
+    arming.use()
+    assert arming.now(7, 100.0) is None
+    assert arming.left_s(7, 100.0) == 0.0

@@ -323,6 +323,25 @@ def test_who_knows_everything_but_the_key_cannot_rewrite_history(directory: Path
     assert alarms(directory) == ["JRN-05"]
 
 
+def test_who_has_the_key_as_well_meets_the_anchors_that_were_kept_elsewhere(directory: Path) -> None:
+    kept = anchor(directory)
+    key = read_key(places_of(directory).key)
+    forge(directory, key, 41, "nothing happened")
+    database = directory / "journal.sqlite"
+    assert verify_file(database, key).wrong == ""
+    verdict = verify_file(database, key, anchors=[kept])
+    assert verdict.wrong.startswith(f"event {EVENTS} is another one than on ")
+    assert (verdict.certain, verdict.changed) == ((Span(1, EVENTS - 1),), (Span(EVENTS, EVENTS),))
+
+
+def test_a_copy_is_read_from_a_medium_that_cannot_be_written(directory: Path, tmp_path: Path) -> None:
+    """In the file format of SQLite bytes 18 and 19 are 1 for a file alone, 2 for one with a log beside it."""
+    copy_journal(directory / "journal.sqlite", tmp_path / "copy.sqlite")
+    head = (tmp_path / "copy.sqlite").read_bytes()[:20]
+    assert (head[18], head[19]) == (1, 1)
+    assert (directory / "journal.sqlite").read_bytes()[18:20] == b"\2\2"
+
+
 def test_nor_can_he_go_back_to_an_older_state_and_on_from_there(directory: Path) -> None:
     """Everything in it was sealed; a second history of the same journal, too."""
     kept = older(directory)

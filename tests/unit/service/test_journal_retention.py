@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import sqlite3
 import threading
 import time
@@ -17,7 +18,7 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.recorder import process as recorder
 from gantryctl.service.recorder.journal import writer as journal_module
-from gantryctl.service.recorder.journal.mirror import SystemFile
+from gantryctl.service.recorder.journal.mirror import SystemFile, read_mirror
 from gantryctl.service.recorder.journal.places import FILE, places_of
 from gantryctl.service.recorder.journal.proof import Fault, verify
 from gantryctl.service.recorder.journal.reading import anchor, read_journal
@@ -269,3 +270,45 @@ def test_what_the_recorder_says_is_kept_once_however_long_a_mirror_fails(
     bench.writer.close()
     assert bench.texts() == ["before", *behind, "the run before was cut off"]
     assert not verify(tmp_path).wrong
+
+
+def test_dates_of_a_journal_that_is_gone_do_not_age_the_next_one(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+    made.close()
+    for file in tmp_path.glob(f"{FILE}*"):
+        file.unlink()
+    with pytest.MonkeyPatch.context() as context:
+        context.setattr(journal_module, "KEPT_LEAST", 0)
+        fresh = Journal(tmp_path)
+        fresh.append(1, 0, 1, [record(f"event {n}") for n in range(40)])
+        fresh.anchor()
+        assert fresh.prune(3, PLENTY) == 0
+    fresh.close()
+
+
+def test_a_lock_that_was_committed_before_its_mirror_holds_after_a_kill(tmp_path: Path) -> None:
+    made = Journal(tmp_path)
+    made.append(1, 0, 1, [record("event")])
+    second = tmp_path / "second name"
+    second.hardlink_to(made.path)
+    made.look()
+    second.unlink()
+    made.close()  # killed before it has written the mirrors
+    again = Journal(tmp_path)
+    assert again.locked
+    assert [row.values["kind"] for row in read_journal(tmp_path)] == ["command", "alarm"]
+    again.close()
+
+
+def test_a_mirror_that_was_cut_in_use_is_made_whole_again(tmp_path: Path) -> None:
+    made = Journal(tmp_path)
+    made.append(1, 0, 1, [record("event")])
+    for path in made.places.mirrors:
+        size = path.stat().st_size
+        os.truncate(path, 100)
+        made.look()
+        assert path.stat().st_size == size
+    made.reflect()
+    made.close()
+    assert not any(read_mirror(path, None).damaged for path in made.places.mirrors)
+    assert [row.values.get("kind") for row in read_journal(tmp_path)] == ["command", "alarm", "alarm"]

@@ -111,3 +111,12 @@ def test_used_leases_are_remembered_within_a_bound() -> None:
         hold.release(f"{n:016x}", "page")
     assert len(hold._used) == lease._REMEMBERED
     assert hold.begin(f"{lease._REMEMBERED:016x}", "page", True, 100.0, 100.0) is Words.LEASE_USED
+
+
+def test_a_dead_key_is_told_why_it_has_ended() -> None:
+    never = HoldToRun(LEASE_S, SCAN_S)
+    assert str(Words.LEASE_ENDED) in str(never.renew("a", "page", 100.2, 100.21))
+    late = held()
+    assert str(Words.LEASE_RAN_OUT) in str(late.renew("a", "page", 100.3, 100.3))
+    # Also afterwards, whoever asks.
+    assert str(Words.LEASE_RAN_OUT) in str(late.renew("a", "page", 100.4, 100.41))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -122,3 +123,12 @@ def test_service_acknowledges_a_damaged_journal_by_an_event_of_that_kind() -> No
         assert refused_by(found, service=service) == ""
         events = found._events._ring.peek(10)
         assert [kind for each in events if each for kind in [b'"kind":"journal"'] if kind in each] == kinds
+
+
+def test_what_a_reset_acknowledges_stands_in_the_journal_with_its_person() -> None:
+    found = permit(EARLIER)
+    log: Any = found._events
+    assert refused_by(found, service=False) == ""
+    (event,) = [json.loads(each) for each in log._ring.peek(10) if each is not None]
+    assert (event["kind"], event["user"]) == ("command", "anna")
+    assert event["text"] == f"acknowledged: {EARLIER}"

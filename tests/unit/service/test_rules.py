@@ -275,3 +275,14 @@ def test_the_increment_of_the_last_run_where_it_still_fits(last_deg: float | Non
     levels = first_levels(default_machine(), 4.0, None, last)
     assert levels.increment_rad == pytest.approx(rad(begins_deg), rel=1e-12)
     assert levels.override == 1.0
+
+
+def test_times_of_a_refusal_are_told_in_ms() -> None:
+    with pytest.raises(MessageRefused) as slow:
+        check_fresh(message("jog"), situation(round_trip_s=0.25))
+    assert slow.value.refusal.values == pytest.approx({"measured": 250.0, "limit": 150.0})
+    with pytest.raises(MessageRefused) as old:
+        check_fresh(message("move"), situation(time_s=0.75))
+    reason = str(old.value.refusal.values["reason"])
+    assert "750 ms" in reason
+    assert "500 ms" in reason

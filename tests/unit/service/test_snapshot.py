@@ -43,3 +43,11 @@ def test_a_mark_counts_whole_or_not_at_all() -> None:
         assert math.isnan(clock.issued_s(mark[:at] + other + mark[at + 1 :], "anna")), at
     for cut in ("", mark[first:], mark[first:-1]):
         assert math.isnan(clock.issued_s(f"{mark[:first]}{cut[:-1]}", "anna"))
+
+
+def test_a_frame_is_as_old_as_it_is_whenever_the_controller_was_started() -> None:
+    """1.25 s after a start at 1000 s of the clock, of which a computer that runs for weeks has many."""
+    clock = FrameClock(1000.0)
+    clock.tick(1001.25)
+    assert clock.issued_ms == 1250
+    assert clock.issued_s(mark_of(1250, clock.key, "anna"), "anna") == 1001.25

@@ -152,3 +152,12 @@ def test_with_power_off_nothing_counts(axis: Axis) -> None:
     axis.go(2.0 * LIMIT_S)
     assert math.isnan(axis.left_s)
     assert axis.told == []
+
+
+def test_what_no_operator_has_switched_on_is_not_counted(axis: Axis) -> None:
+    """In commissioning and in tests power is on without the operator's level: that is not its to switch off."""
+    axis.do(axis.who(), "give")
+    unheld = axis.operator.unheld
+    for later_s in (0.0, LIMIT_S, 10.0 * LIMIT_S):
+        assert not unheld.due(axis.time_s + later_s, power=False)
+    assert math.isnan(unheld.left_s(axis.time_s))
