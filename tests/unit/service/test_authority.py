@@ -100,3 +100,9 @@ def test_a_frame_of_the_future_or_an_unknown_one_measures_nothing(age_s: float) 
     trip = RoundTrip()
     trip.take(age_s, 10.0)
     assert trip.shortest_s(10.0) == math.inf
+
+
+def test_before_anybody_has_control_no_round_trip_is_known() -> None:
+    fresh = Authority(7)
+    assert fresh.round_trip.shortest_s(100.0) == math.inf
+    assert not fresh.silent(1e9)

@@ -136,7 +136,8 @@ def test_signs_of_life_count_from_the_holder_only_and_a_dead_key_is_told() -> No
     link.send(who("a"), type="alive", seq=1, frame=MARK)
     link.send(who("a"), type="renew", seq=2, frame=MARK, epoch=7, lease=LEASE)
     assert len(link.receive("b").others) == 0
-    assert [(each["seq"], each["code"]) for each in link.answers()] == [(2, "SEC-09")]
+    # There is no event of it that the answer would have to wait for.
+    assert [(each["seq"], each["code"], each["journal"]) for each in link.answers()] == [(2, "SEC-09", 0)]
     link.send(who("a"), type="alive", seq=3, frame=MARK)
     assert len(link.receive("a").others) == 1
 
@@ -234,3 +235,11 @@ def test_a_reply_that_fits_no_slot_goes_without_its_values() -> None:
     link.inbox.answer(pending("a"), MessageRefused(Code.SEC_05, reason="x" * 1000), 7)
     (reply,) = link.answers()
     assert (reply["code"], reply["values"]) == ("SEC-05", {})
+
+
+def test_a_refused_sign_of_life_waits_for_no_event() -> None:
+    link = Link()
+    refused = MessageRefused(Code.SEC_09, reason="ended")
+    link.inbox.answer(pending("a", "renew"), refused, 7)
+    assert [(each["code"], each["journal"]) for each in link.answers()] == [("SEC-09", 0)]
+    assert not link.events()
