@@ -312,3 +312,16 @@ def test_a_mirror_that_was_cut_in_use_is_made_whole_again(tmp_path: Path) -> Non
     made.close()
     assert not any(read_mirror(path, None).damaged for path in made.places.mirrors)
     assert [row.values.get("kind") for row in read_journal(tmp_path)] == ["command", "alarm", "alarm"]
+
+
+def test_the_recorder_takes_out_what_is_too_much_by_itself(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.writer = EventWriter(bench.memory, tmp_path, lambda: PLENTY, RetentionPolicy(journal_mb=0))
+    for n in range(30):
+        bench.log.put("command", f"event {n}")
+    bench.writer.drain()
+    bench.writer.close()
+    texts = bench.texts()
+    assert texts[-1] == "events 1 to 20 were taken out by age or size"
+    assert texts[:-1] == [f"event {n}" for n in range(20, 30)]
+    assert not verify(tmp_path).wrong

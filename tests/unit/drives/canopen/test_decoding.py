@@ -129,3 +129,18 @@ def test_nothing_on_a_bus_raises(can_id: int, length: int) -> None:
     decoder = mapped()
     for fill in (0x00, 0x23, 0x40, 0x80, 0xFF):
         assert str(decode(decoder, can_id, bytes((fill,) * length).hex())) is not None
+
+
+def test_room_that_a_telegram_leaves_empty_is_no_object() -> None:
+    """An entry 0005:00 of 8 bits is a data type of CiA 301: a byte that nobody reads."""
+    decoder = FrameDecoder()
+    for data in (
+        "2f001a0000000000",
+        "23001a0108000500",
+        "23001a0210004160",
+        "2f001a0002000000",
+        "2300180182010040",
+    ):
+        decode(decoder, 0x602, data)
+    (found,) = decode(decoder, 0x182, "ff3706").objects
+    assert str(found).startswith("6041:00")
