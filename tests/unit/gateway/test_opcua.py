@@ -7,6 +7,8 @@ import json
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -25,7 +27,7 @@ from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
 from gantryctl.gateway.opcua.server import POLICIES  # noqa: E402
-from gantryctl.gateway.opcua.trust import NotTrusted, _is_authority  # noqa: E402
+from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, _is_authority  # noqa: E402
 from gantryctl.service.protocol.tags import TAGS  # noqa: E402
 from gantryctl.service.supervisor.users import Users  # noqa: E402
 from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
@@ -385,6 +387,23 @@ def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(run:
         assert await refused(bench, "stranger")
 
     run(check)
+
+
+def test_a_file_of_the_list_that_is_written_over_is_read_again(tmp_path: Path) -> None:
+    told: list[str] = []
+    events: Any = SimpleNamespace(put=lambda kind, text: told.append(text))
+    listed = TrustList(tmp_path, events)
+    key = ec.generate_private_key(ec.SECP256R1())
+    one, other = (of_client(key, 5).public_bytes(Encoding.DER) for _ in range(2))
+    for certificate in (one, other):
+        (tmp_path / "trusted" / "client.new").write_bytes(certificate)
+        (tmp_path / "trusted" / "client.new").replace(tmp_path / "trusted" / "client.der")
+        assert listed.refresh()
+        assert not listed.refresh()
+        assert listed.judge(certificate).public_bytes(Encoding.DER) == certificate
+    with pytest.raises(NotTrusted, match="not in the trust list"):
+        listed.judge(one)
+    assert told == ["OPC UA: the trust list was read again, 1 certificates"]
 
 
 def test_an_authority_that_is_revoked_itself_speaks_for_nobody(run: Run) -> None:

@@ -26,7 +26,7 @@ from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from gantryctl.gateway.opcua import listener, services  # noqa: E402
 from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
 from support.opcua_table import ALL, IDENTITIES, POLICIES, SECURE, opens, status_of  # noqa: E402
-from support.opcua_wire import Refused, Wire, password  # noqa: E402
+from support.opcua_wire import CIPHERS, Refused, Wire, password  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
 MODES = ua.MessageSecurityMode
@@ -597,5 +597,19 @@ def test_answers_that_are_never_read_hold_no_place(run: Run, monkeypatch: pytest
         await bench.listener.sweep()
         await asyncio.sleep(0.05)
         assert not bench.listener.connections
+
+    run(check)
+
+
+@pytest.mark.parametrize("length", [16, 31, 33])
+def test_the_keys_of_a_channel_come_from_a_nonce_of_32_bytes(
+    run: Run, monkeypatch: pytest.MonkeyPatch, length: int
+) -> None:
+    """Of the offered policies (OPC UA Part 7): a shorter one makes keys that are easier to guess."""
+    monkeypatch.setattr(CIPHERS["Basic256Sha256"], "secure_channel_nonce_length", length)
+
+    async def check(bench: Bench) -> None:
+        with pytest.raises(Refused, match="BadNonceInvalid"):
+            await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
 
     run(check)
