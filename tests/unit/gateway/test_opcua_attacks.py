@@ -613,3 +613,16 @@ def test_the_keys_of_a_channel_come_from_a_nonce_of_32_bytes(
             await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
 
     run(check)
+
+
+def test_the_token_of_a_session_cannot_be_guessed(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        tokens = []
+        for _ in range(2):
+            wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+            tokens.append(wire.token.Identifier)
+        assert tokens[0] != tokens[1]
+        # Of 32 random bytes 30 are different; 16 or fewer in one of 10^12.
+        assert all(len(token) == 32 and len(set(token)) > 16 for token in tokens)
+
+    run(check)
