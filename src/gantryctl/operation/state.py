@@ -13,17 +13,19 @@ from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import LOCKED, brake_words
 from gantryctl.operation.home_reference import (
+    SHOWN_DEG,
     AbsoluteReading,
     EncoderScale,
     RestVerdict,
     judge_reference,
     why_not_referenced,
 )
-from gantryctl.operation.opening import keep_machine, leave_bus, new_machine, read_only
+from gantryctl.operation.opening import OpenMachine, keep_machine, leave_bus, new_machine, read_only
 from gantryctl.operation.proofs import ledger_shown, own_ramp_deg_s2
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Code
 from gantryctl.program.axis.turns import Turns
+from gantryctl.program.feedback import ENERGISED
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import Dial, deg
 from gantryctl.wiring.compensation import lead_deg
@@ -41,8 +43,6 @@ _AROUND_ZERO: Final = (
 )
 # The witness stands in journal lines, in reports and in `retain show`: one line.
 _WITNESS_LENGTH: Final = 200
-# A master that is not us has enabled the drive: its position is nothing to set a zero by.
-_MOVABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
 def operator_name() -> str:
@@ -86,7 +86,7 @@ def machine_status(machine: Machine) -> MachineStatus:
             # Of a drive on a bus the state is read, and nothing of its brake.
             off = "power off, brake closed" if machine.plant_is_local else "power off"
             condition = off if held is None else "may not move"
-            if state in _MOVABLE:
+            if state in ENERGISED:
                 condition = (
                     f"the drive is in {state.name.lower().replace('_', ' ')}: another controller runs it"
                 )
@@ -223,6 +223,27 @@ def reset_simulation(machine: Machine, angle_deg: float | None) -> str:
     return f"{machine.name}: a new simulated machine stands at {at} deg, brake closed"
 
 
+def _check_standing(machine: Machine, store: StateStore, seen: OpenMachine) -> None:
+    """Refuse a zero of an axis that another controller runs, or that moves.
+
+    Raises:
+        CommandRefused: it is not at standstill behind its brake.
+    """
+    if seen.feedback.state in ENERGISED:
+        raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
+    if machine.plant_is_local:
+        return
+    # Between two readings lie the questions of an opening, some dozens of milliseconds.
+    with read_only(machine, store) as again:
+        counts = again.feedback.pos_act_counts - seen.feedback.pos_act_counts
+    moved_deg = seen.scale.centred(counts) * seen.scale.deg_per_count
+    if not abs(moved_deg) < SHOWN_DEG:
+        raise CommandRefused(
+            f"the axis moves, {moved_deg:+.3f} deg between two readings: the zero is set at standstill with the brake "
+            "closed"
+        )
+
+
 _ZERO_KEYS: Final = (
     "zero_offset_counts", "rest_position_counts", "zero_set_by", "zero_set_at", "zero_witness",
 )  # fmt: skip
@@ -279,7 +300,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
 
     Raises:
         UsageError: an angle outside the mechanical stops, no witness.
-        CommandRefused: the encoder's range would wrap too near the travel.
+        CommandRefused: the axis is not at standstill, or the encoder's range would wrap too near the travel.
     """
     if not machine.axis.within_stops(angle_deg):
         raise UsageError(f"--angle {angle_deg:g}: {machine.axis.stops_text}")
@@ -290,8 +311,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         raise UsageError(f"--witness: one line of at most {_WITNESS_LENGTH} printable characters")
     with StateStore(machine) as store, read_only(machine, store) as opened:
         scale, counts = opened.scale, opened.feedback.pos_act_counts
-        if opened.feedback.state in _MOVABLE:
-            raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
+        _check_standing(machine, store, opened)
         # A map corrects the angle shown as well as the command (decision 0010): the motor stands ahead of the load.
         motor_deg = angle_deg + lead_deg(machine, angle_deg)
         zero = round(counts - motor_deg / scale.deg_per_count)

@@ -30,6 +30,15 @@ from gantryctl.program import Code, Reaction
 from gantryctl.runtime import Retained
 
 MACHINE = with_values(default_machine(), {"drive.kind": "ideal"})
+ON_BUS = with_values(
+    default_machine(),
+    {
+        "drive.kind": "canopen",
+        "control.scan_period_ms": 4.0,
+        "can.interface": "socketcan",
+        "can.channel": "can0",
+    },
+)
 COUNTS_PER_TURN, RATIO, TURNS = 4_194_304, 1144, 4096
 COUNTS_PER_DEG = 13_328_565.6  # 4 194 304 x 1144 / 360
 
@@ -88,19 +97,42 @@ def test_a_stop_by_the_brake_is_one_more() -> None:
     assert machine_status(MACHINE).condition.startswith("stopped by alarm CTL-05")
 
 
-@contextmanager
-def enabled_elsewhere(machine: Machine, store: StateStore) -> Iterator[opening.OpenMachine]:
-    """As it is found while another controller runs the drive."""
-    with opening.read_only(machine, store) as found:
-        yield found._replace(feedback=found.feedback._replace(state=DriveState.OPERATION_ENABLED))
-
-
-def test_no_zero_is_set_while_another_controller_runs_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("shown", ["OPERATION_ENABLED", "QUICK_STOP_ACTIVE", "FAULT_REACTION_ACTIVE"])
+def test_no_zero_is_set_while_another_controller_runs_the_drive(
+    monkeypatch: pytest.MonkeyPatch, shown: str
+) -> None:
     before = replace(kept(), last_result=memory().last_result)
+
+    @contextmanager
+    def enabled_elsewhere(machine: Machine, store: StateStore) -> Iterator[opening.OpenMachine]:
+        with opening.read_only(machine, store) as found:
+            yield found._replace(feedback=found.feedback._replace(state=DriveState[shown]))
+
     monkeypatch.setattr(state, "read_only", enabled_elsewhere)
     with pytest.raises(CommandRefused, match="the drive is enabled"):
         set_encoder_zero(MACHINE, 12.0, "mark 7")
     assert memory() == before
+
+
+@pytest.mark.parametrize("moved_deg", [0.002, -0.002, 0.0005, -0.0005])
+def test_no_zero_is_set_of_a_real_axis_that_moves(monkeypatch: pytest.MonkeyPatch, moved_deg: float) -> None:
+    """Turned by hand, or sinking through its brake: 2 thousandths of a degree between two readings, half a one passes."""
+    before = replace(kept(), last_result=memory().last_result)
+    readings = iter([0.0, moved_deg])
+
+    @contextmanager
+    def on_the_bus(machine: Machine, store: StateStore) -> Iterator[opening.OpenMachine]:
+        with opening.read_only(MACHINE, store) as found:
+            counts = found.feedback.pos_act_counts + next(readings) * COUNTS_PER_DEG
+            yield found._replace(feedback=found.feedback._replace(pos_act_counts=counts))
+
+    monkeypatch.setattr(state, "read_only", on_the_bus)
+    if abs(moved_deg) > 0.001:
+        with pytest.raises(CommandRefused, match=r"the axis moves, .0\.002 deg between"):
+            set_encoder_zero(ON_BUS, 12.0, "mark 7")
+        assert memory() == before
+    else:
+        assert "stands at 12" in set_encoder_zero(ON_BUS, 12.0, "mark 7")
 
 
 @pytest.mark.parametrize("lead_deg", [0.0, 0.25, -0.25])

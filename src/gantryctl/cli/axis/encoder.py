@@ -48,10 +48,10 @@ def show(config_file: Path | None, as_json: bool) -> int:
 def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool) -> int:
     """Set the zero offset so that the present position reads ANGLE.
 
-    Only at standstill with the brake closed, which a machine that is not running is. The offset is stored with the
-    encoder's serial and who set it; nothing is written into the encoder.
+    Only at standstill with the brake closed: refused while another controller has enabled the drive, and where the
+    axis moves between two readings. The offset is stored with the encoder's serial and who set it; nothing is written
+    into the encoder.
     """
-    # A machine that is not running stands with the brake closed: the store's lock proves that none runs here.
     from gantryctl.operation.state import set_encoder_zero
 
     machine = machine_of(config_file)
