@@ -46,6 +46,9 @@ def main() -> int:
     run = commands.add_parser("run", help="try mutants of the syntax tree")
     show = commands.add_parser("show", help="survivors that are not argued; 1 when there is one")
     write = commands.add_parser("write", help="write docs/evidence/mutation.json")
+    argue = commands.add_parser("argue", help="put a survivor on the list of those that change nothing")
+    argue.add_argument("name", help="as `show` names it")
+    argue.add_argument("reason", help="why nobody could see the change")
     for each in (run, show, write):
         each.add_argument("areas", nargs="*", metavar="AREA", help=f"{', '.join(_AREAS)}; all when none")
         each.add_argument(
@@ -80,8 +83,8 @@ def main() -> int:
         if arguments.core:
             return record_core(ROOT, CORE_BUILD, arguments.coverage / "core", arguments.part, tests)
         return _record(arguments.coverage, arguments.part, tests)
-    if arguments.command == "branches":
-        return _branches(arguments)
+    if arguments.command in _SIMPLE:
+        return _SIMPLE[arguments.command](arguments)
     arguments.results.parent.mkdir(parents=True, exist_ok=True)
     if arguments.command == "planted":
         return _planted(arguments)
@@ -145,6 +148,14 @@ def _branches(arguments: argparse.Namespace) -> int:
             print(f"{file}: {', '.join(' to '.join(map(str, way)) for way in ways)}")
     print(*rows.values(), sep="\n")
     return 1 if missing else 0
+
+
+def _argue(arguments: argparse.Namespace) -> int:
+    evidence.argue(ROOT, arguments.name, arguments.reason)
+    return 0
+
+
+_SIMPLE = {"branches": _branches, "argue": _argue}
 
 
 def _planted(arguments: argparse.Namespace) -> int:

@@ -8,7 +8,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from mutation.areas import SOURCES
+from mutation.cpp_operators import cpp_mutants
 from mutation.mutant import Change
+from mutation.operators import mutants
 from mutation.trial import FOUND, Fate, Trial
 
 ARGUED: Final = "tests/planted/argued.toml"
@@ -16,10 +19,50 @@ EVIDENCE: Final = "docs/evidence/mutation.json"
 
 
 def read_argued(root: Path) -> dict[str, str]:
-    """The reason why a mutant changes nothing that anybody could see, by its name."""
+    """The reason why a mutant changes nothing that anybody could see, by its name.
+
+    A row whose lines are no longer those of its mutant argues for nothing: numbers move with the text.
+    """
+    rows = argued_rows(root)
+    now: dict[str, tuple[str, str]] = {}
+    for file in {row["name"].partition(":")[0] for row in rows}:
+        now |= _lines(root, file)
+    return {
+        row["name"]: row["reason"] for row in rows if now.get(row["name"]) == (row.get("old"), row.get("new"))
+    }
+
+
+def argued_rows(root: Path) -> list[dict[str, str]]:
+    """The rows of the list as they stand there."""
     path = root / ARGUED
-    rows = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", []) if path.exists() else []
-    return {row["name"]: row["reason"] for row in rows}
+    return tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", []) if path.exists() else []
+
+
+def argue(root: Path, name: str, reason: str) -> None:
+    """Put a mutant on the list, with its lines as they are now.
+
+    Raises:
+        KeyError: there is no such mutant.
+    """
+    old, new = _lines(root, name.partition(":")[0])[name]
+    path = root / ARGUED
+    path.parent.mkdir(parents=True, exist_ok=True)
+    row = "".join(
+        f"{key} = {json.dumps(value, ensure_ascii=False)}\n"
+        for key, value in {"name": name, "old": old, "new": new, "reason": reason}.items()
+    )
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f"\n[[mutant]]\n{row}")
+
+
+def _lines(root: Path, file: str) -> dict[str, tuple[str, str]]:
+    """The lines of each mutant of a source, before and after, by its name."""
+    path = Path(file if file.startswith("core/") else f"{SOURCES}/{file}")
+    if not (root / path).exists():
+        return {}
+    source = (root / path).read_bytes()
+    found = (cpp_mutants if path.suffix == ".hpp" else mutants)(path.as_posix(), source)
+    return {change.name: change.lines(source) for change in found}
 
 
 def summary(

@@ -37,6 +37,17 @@ class Change:
         """The text with the change."""
         return source[: self.start] + self.new + source[self.end :]
 
+    def lines(self, source: bytes) -> tuple[str, str]:
+        """The lines that change, before and after, without layout."""
+        begin = source.rfind(b"\n", 0, self.start) + 1
+        end = source.find(b"\n", self.end)
+        after = source[self.end : end if end >= 0 else len(source)]
+        old, new = (
+            source[begin : self.start] + middle + after
+            for middle in (source[self.start : self.end], self.new)
+        )
+        return " ".join(old.decode().split()), " ".join(new.decode().split())
+
     def shown(self, root: Path) -> str:
         """The change in one line for people."""
         source = (root / self.file).read_bytes()

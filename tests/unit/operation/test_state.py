@@ -116,7 +116,7 @@ def test_no_zero_is_set_while_another_controller_runs_the_drive(
 
 @pytest.mark.parametrize("moved_deg", [0.002, -0.002, 0.0005, -0.0005])
 def test_no_zero_is_set_of_a_real_axis_that_moves(monkeypatch: pytest.MonkeyPatch, moved_deg: float) -> None:
-    """Turned by hand, or sinking through its brake: 2 thousandths of a degree between two readings, half a one passes."""
+    """Turned by hand, or sinking through its brake: 0.002 deg between two readings; 0.0005 deg pass."""
     before = replace(kept(), last_result=memory().last_result)
     readings = iter([0.0, moved_deg])
 
