@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -80,17 +81,28 @@ def test_names_of_mutants_do_not_depend_on_the_lines_above(tool: Any) -> None:
 
 
 def test_every_planted_bug_still_fits_its_source_and_is_a_program(tool: Any) -> None:
+    """Compiled together where they lie apart: a whole source for each of 1,300 bugs takes half a minute."""
     from mutation import planted
 
-    found = 0
+    by_file = defaultdict(list)
     for path in sorted((ROOT / planted.FOLDER).glob("*.toml")):
         for bug in [] if path.stem == "argued" else planted.read_bugs(path):
             change = planted.change_of(bug, path.stem, ROOT)
-            text = change.applied((ROOT / change.file).read_bytes())
-            if change.file.endswith(".py"):
-                compile(text, bug["name"], "exec")
-            found += 1
-    assert found >= 58
+            by_file[change.file].append(change)
+    assert sum(map(len, by_file.values())) >= 58
+    for file, changes in by_file.items():
+        source, left = (ROOT / file).read_bytes(), changes if file.endswith(".py") else []
+        while left:
+            together, others, end = [], [], -1
+            for change in sorted(left, key=lambda each: each.start):
+                apart = change.start > end
+                (together if apart else others).append(change)
+                end = change.end if apart else end
+            text = source
+            for change in reversed(together):
+                text = change.applied(text)
+            compile(text, f"{file}: {', '.join(change.name for change in together)}", "exec")
+            left = others
 
 
 def test_a_planted_bug_whose_text_is_gone_is_told(tool: Any) -> None:

@@ -184,3 +184,29 @@ def test_a_geared_encoder_has_no_battery():
     rig.spoil = battery
     rig.run(0.5)
     assert not rig.codes
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_a_motor_without_its_sensor_may_be_half_as_warm(way):
+    """Ten time constants of 0.7 of the rated torque: 0.49 of the limit, of a half 98 %; either way of the torque."""
+    rig = Rig(config=settings(period_s=0.01))
+    rig.spoil = showing(torque_act_nm=way * 0.7 * RATED_NM)
+    for _ in range(30):
+        after_minutes(rig, 10.0)
+        rig.step()
+    assert rig.axis.thermal.share == pytest.approx(0.49, abs=1e-3)
+    rig.spoil = showing(torque_act_nm=way * 0.7 * RATED_NM, motor_temp_c=999.0)
+    rig.run(1.2)
+    assert rig.axis.thermal.share == pytest.approx(0.98, abs=2e-3)
+    assert "THM-03" in rig.codes
+
+
+def test_a_motor_that_was_warm_when_its_sensor_failed_is_warm():
+    """90 C are 50 of 115 K: 0.435, which is 0.87 of a half."""
+    rig = Rig()
+    rig.spoil = showing(motor_temp_c=90.0)
+    rig.run(0.3)
+    rig.spoil = showing(motor_temp_c=-200.0)
+    rig.run(1.3)
+    assert rig.axis.thermal.share == pytest.approx(0.8696, abs=2e-3)
+    assert set(rig.codes) == {"THM-01", "THM-02"}

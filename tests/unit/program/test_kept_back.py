@@ -1,0 +1,132 @@
+"""What is kept back: who may reset, which key and which move may begin, what an angle is worth after an alarm."""
+
+import pytest
+
+from gantryctl.image import DigitalInputs, DriveRequest, EncoderFlag, Mode
+from gantryctl.program import AxisState, PowerPhase
+from gantryctl.program.axis.motion_command import Dynamics
+from gantryctl.program.settings import StandstillPolicy
+from gantryctl.units import deg, rad
+from unit.program.rig import COUNTS_PER_DEG, Rig, powered, settings
+
+approx = pytest.approx
+
+
+# --- keys and moves ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", ["forward", "reverse"])
+def test_the_first_key_of_all_needs_a_renewal(key):
+    """Pressed in the third scan: nothing has been renewed yet, and nothing counts as renewed."""
+    rig = Rig()
+    rig.step()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    rig.op(**{key: True})
+    assert "hold-to-run was not renewed" in rig.refused()
+
+
+def test_a_speed_that_was_refused_changes_no_way_that_is_shown():
+    rig = powered()
+    rig.op(speed_rad_s=rad(3.0))
+    shown = rig.program.key_lost_angle_rad()
+    assert deg(shown) > 1.0
+    for speed_deg_s in (6.01, 0.59, 100.0):
+        rig.op(speed_rad_s=rad(speed_deg_s))
+        assert rig.program.key_lost_angle_rad() == shown
+
+
+def test_a_remote_move_that_waits_for_the_brake_stays_remote():
+    """Given with the enabling switch; the screen's level and the switch go before the brake is open."""
+    rig = Rig(config=settings(standstill=StandstillPolicy.BRAKE, hold_brake_after_s=0.5))
+    rig.power_up()
+    rig.until(lambda: rig.axis.power.phase is PowerPhase.PARKED, 5.0)
+    rig.op(move=True, target_rad=rad(50.0), speed_rad_s=rad(6.0), remote=True)
+    assert rig.axis.motion.waiting is not None
+    rig.op(move=False, remote=False)
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.run(3.0)
+    assert abs(rig.ref_deg) < 0.1
+    assert "INT-05" in [str(alarm.code) for alarm in rig.axis.alarms.history]
+
+
+# --- resets -----------------------------------------------------------------------------------------------------------
+
+
+def encoder_alarm(**arguments):
+    """Ten scans of the encoder's own alarm, long ago."""
+    rig = Rig(**arguments)
+    rig.power_up()
+    rig.spoil = lambda drive: drive._replace(encoder=EncoderFlag.ALARM)
+    rig.run(0.010)
+    rig.spoil = None
+    rig.op(power=False)
+    rig.run(2.0)
+    assert str(rig.first.code) == "ENC-05"
+    return rig
+
+
+def test_an_encoder_that_had_an_alarm_is_believed_only_after_service_has_compared():
+    rig = encoder_alarm()
+    assert not rig.axis.feedback.position_valid
+    rig.op(reset=True)
+    assert rig.codes == ["ENC-05"]
+    assert "ENC-05" in rig.refused()
+    assert "service" in rig.refused()
+    assert not rig.axis.feedback.position_valid
+
+
+def test_service_resets_what_nobody_else_may():
+    rig = encoder_alarm(service=True)
+    rig.op(reset=True)
+    rig.run(0.1)
+    assert rig.codes == []
+    assert rig.axis.feedback.position_valid
+
+
+def test_a_frozen_reading_that_service_has_accepted_is_not_told_again_at_rest():
+    """It has stood since 6 deg/s, and an axis that stands shows the same count."""
+    bare_rotor = {"speed_change_max_rad_s2": rad(169.0), "speed_change_per_torque": rad(0.4)}
+    rig = Rig(config=settings(monitors=bare_rotor), service=True)
+    rig.power_up()
+    rig.move(100.0, 6.0)
+    rig.run(3.0)
+    frozen = rig.drive.read().pos_act_counts
+    rig.spoil = lambda drive: drive._replace(pos_act_counts=frozen)
+    rig.run(3.0)
+    assert str(rig.first.code) == "ENC-02"
+    rig.op(power=False, reset=True)
+    rig.run(2.0)
+    assert rig.codes == []
+
+
+def test_the_override_ends_a_gentle_motion_on_the_ramp_of_the_machine():
+    """6 deg/s at 4 deg/s2 are 1.5 s; the motion's own 0.5 deg/s2 would take 12."""
+    rig = powered()
+    gentle = Dynamics(dec_rad_s2=rad(0.5))
+    rig.axis.motion.move_absolute(rad(150.0), rad(6.0), dynamics=gentle)
+    rig.run(4.0)
+    assert rig.vel_deg_s == approx(6.0)
+    rig.op(override=0.0)
+    rig.run(1.6)
+    assert rig.vel_deg_s == 0.0
+    rig.op(override=1.0)
+    rig.run(4.0)
+    assert rig.vel_deg_s == approx(6.0), "it goes on to its target"
+
+
+# --- two alarms of one scan -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_a_warning_in_the_scan_of_a_stop_takes_nothing_from_it(way):
+    """The encoder jumps by a degree, and the drive warns in the same scan, after it."""
+    rig = powered()
+    rig.spoil = lambda drive: drive._replace(
+        pos_act_counts=drive.pos_act_counts + way * COUNTS_PER_DEG, warning=True
+    )
+    rig.step()
+    assert rig.codes == ["ENC-01", "DRV-02"]
+    assert rig.output.request is DriveRequest.DISABLE
+    assert not rig.output.brake_open
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.ERROR_STOP
