@@ -3,8 +3,10 @@
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, EncoderFlag, Mode
-from gantryctl.program import AxisState, PowerPhase
+from gantryctl.program import AxisState, Code, PowerPhase, Reaction
+from gantryctl.program.axis.load_side import stale_words
 from gantryctl.program.axis.motion_command import Dynamics
+from gantryctl.program.monitors.calibration_watch import Finding
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg, rad
 from unit.program.rig import COUNTS_PER_DEG, Rig, powered, settings
@@ -130,3 +132,40 @@ def test_a_warning_in_the_scan_of_a_stop_takes_nothing_from_it(way):
     assert not rig.output.brake_open
     rig.run(0.1)
     assert rig.axis.state is AxisState.ERROR_STOP
+
+
+@pytest.mark.parametrize(("switch", "way"), [("limit_plus_ok", 1.0), ("limit_minus_ok", -1.0)])
+def test_behind_a_limit_switch_only_the_way_inward_is_open(switch, way):
+    rig = Rig()
+    rig.drive.inputs = DigitalInputs(**{switch: False})
+    rig.power_up()
+    rig.op(move=True, target_rad=rad(way * 5.0), speed_rad_s=rad(6.0))
+    assert f"only motion {'reverse' if way > 0.0 else 'forward'} is open" in rig.refused()
+    assert rig.axis.motion.current is None
+    rig.op(move=False)
+    rig.move(-way * 5.0)
+    rig.run(3.0)
+    assert rig.ref_deg == approx(-way * 5.0, abs=1e-6)
+
+
+def test_a_warning_that_has_ended_a_motion_keeps_the_next_one_back():
+    """A brake that drags so much that the motion had to end: BRK-02, which is a warning where it drags less."""
+    rig = powered()
+    values = {"measured": 80.0, "share": 31.0}
+    rig.axis.alarms.raise_(Code.BRK_02, **values)
+    rig.move(5.0)
+    rig.run(3.0)
+    assert rig.ref_deg == approx(5.0, abs=1e-6)
+    rig.axis.alarms.raise_(Code.BRK_02, Reaction.HLT, **values)
+    rig.move(0.0)
+    assert "BRK-02 is active" in rig.refused()
+    rig.run(1.0)
+    assert rig.ref_deg == approx(5.0, abs=1e-6)
+
+
+def test_what_no_longer_fits_is_told_in_degrees():
+    """1e-3 rad are 0.0573 deg."""
+    said = str(stale_words({"lost_motion": Finding(1e-3, 5e-4), "moment": Finding(900.0, 500.0)}))
+    assert "0.0573 deg" in said
+    assert "0.0286 deg" in said
+    assert "0.001" not in said
