@@ -45,6 +45,11 @@ Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, con
   if (per_scan < 1 || std::fabs(per_scan * drive.cycle_s - scan_period_s) > 1e-9)
     throw std::invalid_argument("the scan period must be a whole number of drive cycles");
   check_teeth(plant);
+  if (plant.second_pinion && plant.rigid)
+    throw std::invalid_argument("second_pinion needs gears: rigid makes all of it one inertia");
+  if (plant.lost_motor < 0 || plant.lost_motor > 2)
+    throw std::invalid_argument("lost_motor must be 0 (neither), 1 or 2, got " +
+                                std::to_string(plant.lost_motor));
   if (rk4_steps < 1) throw std::invalid_argument("rk4_steps must be at least 1");
   const auto native = scheme == "rk4" ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation;
   return {plant,
@@ -120,6 +125,8 @@ void set_state(Sim& sim, const StateMap& m) {
 #define X(name, meaning) copy.s.name = value("drive_" #name);
   GANTRY_DRIVE_STATE(X)
 #undef X
+  // A second motor at 0 would be wound up by all that the first has turned.
+  if (sim.plant().p.second_pinion) value("pos_motor_2");
   // An effect that was off when the state was kept begins as its static start does not: with 0.
 #define X(name, effect, meaning) copy.x.name = m.count(#name) != 0 ? value(#name) : 0.0;
   GANTRY_PLANT_EFFECT_STATE(X)
@@ -199,7 +206,16 @@ void bind_params(nb::module_& m) {
           [](Plant1& p, const std::vector<double>& given) {
             p.pinion_teeth = fill(p.pitch.pinion_rad, given, "pinion_pitch_rad");
           },
-          "Deviation of each tooth of the pinion, rad at the gantry; their number becomes pinion_teeth.");
+          "Deviation of each tooth of the pinion, rad at the gantry; their number becomes pinion_teeth.")
+      .def_prop_rw(
+          "second_pinion_pitch_rad",
+          [](const Plant1& p) {
+            return first(p.pitch.second_pinion_rad, p.tooth_pitch && p.second_pinion ? p.pinion_teeth : 0);
+          },
+          [](Plant1& p, const std::vector<double>& given) {
+            p.pinion_teeth = fill(p.pitch.second_pinion_rad, given, "second_pinion_pitch_rad");
+          },
+          "The same of the second pinion, which has as many teeth.");
 #define X(name, type, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
   GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -242,7 +258,7 @@ void bind_sim(nb::module_& m) {
       .def(
           "feedback",
           [](const Sim& sim, double count_rad) {
-            return Feedback(sim.counts(count_rad), sim.vel_report(), sim.x.torque_motor, !sim.brake.closed,
+            return Feedback(sim.counts(count_rad), sim.vel_report(), sim.torque_act(), !sim.brake.closed,
                             sim.limited(), sim.overload(), sim.s.ramp, sim.ring_reading(), sim.x.pos_load);
           },
           nb::arg("count_rad"),

@@ -37,7 +37,11 @@ FLAGS: Final = (
 # Headers only: Zig would compile its C and C++ libraries first, some ten minutes of one processor.
 LINK: Final = ("--no-entry", "--gc-sections", "-O2", "--strip-all", "-z", "stack-size=1048576")
 AXES: Final = ("hust_gantry", "azimuth_dish", "rotary_table")
-TEETH: Final = {"plant.ring_pitch_rad": 1024, "plant.pinion_pitch_rad": 128}
+TEETH: Final = {
+    "plant.ring_pitch_rad": 1024,
+    "plant.pinion_pitch_rad": 128,
+    "plant.second_pinion_pitch_rad": 128,
+}
 MOVE_DEG: Final = 10.0
 
 

@@ -70,7 +70,7 @@ struct Control {
 template <class T>
 GANTRY_INLINE LogRow<T> state_row(const GantrySim<T>& sim) {
   LogRow<T> row;
-  row.torque_act_nm = sim.x.torque_motor;
+  row.torque_act_nm = sim.torque_act();
   row.pos_load_rad = sim.x.pos_load;
   row.vel_load_rad_s = sim.x.vel_load;
   row.pos_motor_rad = sim.x.pos_motor;

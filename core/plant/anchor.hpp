@@ -74,28 +74,47 @@ T wind_moment(const PlantParams<T>& p, T time) {
   return p.wind_moment_nm + gust * select(risen < T(1.0), risen, T(1.0));
 }
 
+// What one motor with its reducer and pinion passes: the ring at the angle where the pinion meets it, the
+// pinion's own teeth, the waves of the motor.
+template <class T>
+struct TrainAnchor {
+  RingError<T> ring;
+  RingError<T> pinion_pitch;
+  MotorWaves<T> waves;
+
+  TrainAnchor() = default;
+  TrainAnchor(const PlantParams<T>& p, const GearError<T>& gear, Pinion pinion, T ring_angle, T pos_motor) {
+    if (p.gear_error) ring = gear.ring_error(ring_angle);
+    if (p.tooth_pitch) add_teeth(p, pinion, ring_angle, pos_motor);
+    if (p.gear_error || p.ripple || p.cogging) waves = MotorWaves<T>(gear, pos_motor);
+  }
+
+ private:
+  void add_teeth(const PlantParams<T>& p, Pinion pinion, T ring_angle, T pos_motor) {
+    const RingError<T> pitch = ring_pitch_error(p, ring_angle);
+    ring = {pitch.rho, ring.error + pitch.error, ring.slope + pitch.slope, ring.curvature + pitch.curvature};
+    pinion_pitch = pinion_pitch_error(p, pos_motor, pinion);
+  }
+};
+
 template <class T>
 struct Anchor {
   EccentricTorque<T> eccentric;
   T wind = T(0.0);     // held until the next anchor: the fastest gust takes a hundred of them
   Thermal<T> thermal;  // likewise
-  RingError<T> ring;
-  RingError<T> pinion_pitch;
-  MotorWaves<T> waves;
+  TrainAnchor<T> first;
+  TrainAnchor<T> second;  // where there is a second pinion
 
-  Anchor(const PlantParams<T>& p, const GearError<T>& gear, const PlantState<T>& x, T time)
-      : eccentric(p, x.pos_load), thermal(p, time) {
+  // `second_gear`: gear error of the second motor's side; not looked at without one.
+  Anchor(const PlantParams<T>& p, const GearError<T>& gear, const GearError<T>& second_gear,
+         const PlantState<T>& x, T time)
+      : eccentric(p, x.pos_load),
+        thermal(p, time),
+        first(p, gear, Pinion::kFirst, x.pos_load - x.pos_base, x.pos_motor) {
     if (p.wind) wind = wind_moment(p, time);
-    if (p.gear_error) ring = gear.ring_error(x.pos_load - x.pos_base);
-    if (p.tooth_pitch) add_teeth(p, x);
-    if (p.gear_error || p.ripple || p.cogging) waves = MotorWaves<T>(gear, x.pos_motor);
-  }
-
- private:
-  void add_teeth(const PlantParams<T>& p, const PlantState<T>& x) {
-    const RingError<T> teeth = ring_pitch_error(p, x.pos_load - x.pos_base);
-    ring = {teeth.rho, ring.error + teeth.error, ring.slope + teeth.slope, ring.curvature + teeth.curvature};
-    pinion_pitch = pinion_pitch_error(p, x.pos_motor);
+    if (p.second_pinion)
+      second = TrainAnchor<T>(p, second_gear, Pinion::kSecond, (x.pos_load - x.pos_base) + p.second_angle_rad,
+                              x.pos_motor_2);
   }
 };
 

@@ -28,7 +28,8 @@ enum class DriveMode { kOff, kSpeed, kQuickStop };
   X(encoder_error_1x_rad, 0.0, "its error, one wave per signal period, at the motor")                  \
   X(encoder_error_2x_rad, 0.0, "two waves per signal period")                                          \
   X(encoder_eccentricity_rad, 0.0, "one wave per turn")                                                \
-  X(encoder_eccentricity_phase_rad, 0.0, "phase of it")
+  X(encoder_eccentricity_phase_rad, 0.0, "phase of it")                                                \
+  X(preload_nm, 0.0, "torque of two motors against each other: one has it more, the other less")
 
 #define GANTRY_DRIVE_STATE(X)                                                                          \
   X(integral, "I of the speed loop, rad/s")                                                           \
@@ -45,7 +46,15 @@ struct DriveParams {
   GANTRY_DRIVE_PARAMS(X)
 #undef X
   bool encoder_errors = false;
-  int delay_cycles = 0;  // 0 or 1: the torque acts in the cycle after the one that computed it
+  int delay_cycles = 0;     // 0 or 1: the torque acts in the cycle after the one that computed it
+  bool two_motors = false;  // of the plant: GantrySim sets it
+};
+
+// What the motors of an axis are asked for; without a second one `second` is 0.
+template <class T>
+struct MotorTorques {
+  T first = T(0.0);
+  T second = T(0.0);
 };
 
 // Parameters and what follows from them, computed once.
@@ -136,18 +145,44 @@ GANTRY_INLINE T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_mo
   return s.vel_filtered;
 }
 
-// Torque limit now; while more than the rated torque flows the account grows, below it shrinks.
+// Two motors behind one speed loop (plant equations S15): each has half of the torque u of the loop, one with
+// the preload, the other against it, and each its own limit.
+template <class T>
+MotorTorques<T> shared(const T& u, const T& preload, const T& limit) {
+  const T half = T(0.5) * u;
+  return {clamp(half + preload, -limit, limit), clamp(half - preload, -limit, limit)};
+}
+
+// Torque of the one that has more.
+template <class T>
+T larger_share(const DriveParams<T>& p, const T& u, const T& limit) {
+  const T torque = T(0.5) * vabs(u) + vabs(p.preload_nm);
+  return select(torque < limit, torque, limit);
+}
+
+// u at which both have their limit.
+template <class T>
+T limit_of_two(const DriveParams<T>& p, const T& limit) {
+  return T(2.0) * (limit + vabs(p.preload_nm));
+}
+
+// Torque limit of a motor now; while more than the rated torque flows the account grows, below it shrinks. Of
+// two motors the account is that of the one with the larger share.
 template <class T>
 GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
-  const T load = s.torque_set * drive.rated_inverse;
+  const T flows = drive.p.two_motors ? larger_share(drive.p, s.torque_set,
+                                                    select(s.overload < drive.budget_s, drive.p.torque_max_nm,
+                                                           drive.torque_continuous_nm))
+                                     : s.torque_set;
+  const T load = flows * drive.rated_inverse;
   s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget_s);
   return select(s.overload < drive.budget_s, drive.p.torque_max_nm, drive.torque_continuous_nm);
 }
 
-// One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
+// One drive cycle; returns what acts now. `limited` becomes true where the torque limit of a motor acts.
 template <class T>
-GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& command, DriveState<T>& s,
-                            T pos_motor, T vel_motor, MaskOf<T>& limited) {
+GANTRY_INLINE MotorTorques<T> drive_cycle(const Drive<T>& drive, const DriveCommand<T>& command,
+                                          DriveState<T>& s, T pos_motor, T vel_motor, MaskOf<T>& limited) {
   const DriveParams<T>& p = drive.p;
   const T vel = speed_feedback(drive, s, pos_motor, vel_motor);
   const T limit = torque_limit(drive, s);
@@ -159,11 +194,13 @@ GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& comman
   }
   const T error = ramp - vel;
   const T wanted = p.kvp_nm_s_per_rad * error + (p.kvp_nm_s_per_rad * s.integral + command.torque_ff_nm);
-  T given = clamp(wanted, -limit, limit);
+  const T most = p.two_motors ? limit_of_two(p, limit) : limit;
+  T given = clamp(wanted, -most, most);
   const auto whole = given == wanted;
   const auto free = either(whole, (wanted - given) * error < T(0.0));
   T integral = select(free, s.integral + error * drive.integral_step, s.integral);
   auto cut = negate(whole);
+  if (p.two_motors) cut = either(cut, T(0.5) * vabs(given) + vabs(p.preload_nm) > limit);
   T acting = p.delay_cycles > 0 ? s.torque_set : given;
   if (any(command.off)) {
     ramp = select(command.off, vel, ramp);
@@ -176,7 +213,8 @@ GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& comman
   s.ramp = ramp;
   s.integral = integral;
   s.torque_set = given;
-  return acting;
+  if (p.two_motors) return shared(acting, select(command.off, T(0.0), p.preload_nm), limit);
+  return {acting, T(0.0)};
 }
 
 }  // namespace gantry::GANTRY_ISA

@@ -11,6 +11,7 @@ template <class T>
 struct Plant {
   PlantParams<T> p;
   GearError<T> gear;
+  GearError<T> second_gear;  // of the second motor's side; without one it is not looked at
   FrictionParams<T> roller, motor, brake, cable;
   Gate<T> gate;
   Harmonic<T> cogging;                                         // over cogging_order x motor angle
@@ -35,6 +36,7 @@ struct Plant {
     cable = {p.cable_friction_nm, p.cable_friction_nm, T(1e-9), T(0.0), p.cable_presliding_rad, T(0.0),
              p.inertia_load_kg_m2};
     cogging = Harmonic<T>(p.cogging_torque_nm, p.cogging_phase_rad);
+    if (p.second_pinion) second_gear = GearError<T>::of_second(p);
     gate = gate_of(p.friction_ep_ratio);
     break_1 = p.torque_1_nm / p.stiffness_1_nm_per_rad;
     break_2 = break_1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad;
@@ -64,13 +66,52 @@ struct Plant {
   }
 };
 
+// A motor with its reducer and pinion: where it is, and how its states are called.
+template <class T>
+struct Train {
+  T& pos_motor;
+  T& vel_motor;
+  T& torque_motor;
+  T& hysteresis;
+  T& motor_z;
+  T& motor_age;
+};
+
+template <class T>
+GANTRY_INLINE Train<T> first_train(PlantState<T>& x) {
+  return {x.pos_motor, x.vel_motor, x.torque_motor, x.hysteresis, x.motor_z, x.motor_age};
+}
+template <class T>
+GANTRY_INLINE Train<const T> first_train(const PlantState<T>& x) {
+  return {x.pos_motor, x.vel_motor, x.torque_motor, x.hysteresis, x.motor_z, x.motor_age};
+}
+template <class T>
+GANTRY_INLINE Train<T> second_train(PlantState<T>& x) {
+  return {x.pos_motor_2, x.vel_motor_2, x.torque_motor_2, x.hysteresis_2, x.motor_z_2, x.motor_age_2};
+}
+template <class T>
+GANTRY_INLINE Train<const T> second_train(const PlantState<T>& x) {
+  return {x.pos_motor_2, x.vel_motor_2, x.torque_motor_2, x.hysteresis_2, x.motor_z_2, x.motor_age_2};
+}
+
+// What acts in it.
+template <class T>
+struct TrainForces {
+  T acc_motor = T(0.0);
+  T torque_mesh = T(0.0);      // Tg, at the gantry
+  T on_ring = T(0.0);          // Tg (1 - e_r')
+  T hysteresis_rate = T(0.0);  // Th'
+  Friction<T> motor, brake;
+};
+
 // Everything that acts at one instant.
 template <class T>
 struct Forces {
-  T acc_motor = T(0.0), acc_load = T(0.0), acc_base = T(0.0);
-  T torque_mesh = T(0.0);      // Tg, at the gantry
-  T hysteresis_rate = T(0.0);  // Th'
-  Friction<T> roller, motor, brake, cable;
+  TrainForces<T> first;
+  TrainForces<T> second;  // of the second pinion
+  T acc_load = T(0.0), acc_base = T(0.0);
+  T torque_mesh = T(0.0);  // Tg of the pinion that carries more
+  Friction<T> roller, cable;
 };
 
 template <class T>
@@ -126,42 +167,43 @@ struct MotorSide {
 
 // Friction of the motor, brake, ripple and cogging: the torque on the motor shaft besides the mesh.
 template <class T>
-GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, const Anchor<T>& anchor,
-                                  MaskOf<T> brake_closed, T torque_mesh, const MotorSide<T>& side,
-                                  Forces<T>& f) {
+GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const Train<const T>& x, const Thermal<T>& thermal,
+                                  MaskOf<T> brake_closed, T brake_z, T torque_mesh, const MotorSide<T>& side,
+                                  TrainForces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
-  if (p.thermal || p.torque_constant) torque = torque * anchor.thermal.motor_torque;
+  if (p.thermal || p.torque_constant) torque = torque * thermal.motor_torque;
   if (p.ripple) torque = torque + ripple_torque(plant, side.ripple, x.torque_motor);
   if (p.cogging) torque = torque + side.cogging;
   if (p.motor_friction) {
     T load_torque = p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse;
     if (p.ageing) load_torque = load_torque + p.motor_ageing_nm * x.motor_age;
     f.motor = friction<true>(plant.motor, plant.gate, x.vel_motor, x.motor_z, load_torque);
-    if (p.thermal) thicken(plant.motor, anchor.thermal, x.vel_motor, f.motor);
+    if (p.thermal) thicken(plant.motor, thermal, x.vel_motor, f.motor);
     torque = torque - f.motor.torque;
   }
   if (any(brake_closed)) {
-    f.brake = friction<false>(plant.brake, plant.gate, x.vel_motor, x.brake_z);
+    f.brake = friction<false>(plant.brake, plant.gate, x.vel_motor, brake_z);
     torque = select(brake_closed, torque - f.brake.torque, torque);
   }
   return torque;
 }
 
 template <class T>
-GANTRY_INLINE MotorSide<T> motor_side(const Plant<T>& plant, MotorWaves<T>& waves, T pos_motor) {
+GANTRY_INLINE MotorSide<T> motor_side(const Plant<T>& plant, const GearError<T>& gear, MotorWaves<T>& waves,
+                                      T pos_motor) {
   const PlantParams<T>& p = plant.p;
   MotorSide<T> side;
   if (!p.gear_error && !p.ripple && !p.cogging) return side;
-  waves.reach(plant.gear, pos_motor);
+  waves.reach(gear, pos_motor);
   const T way = pos_motor - waves.pos;
   const SinCos<T> motor = angle_sum(waves.motor, sincos_small<4>(way));
   const SinCos<T> two = twice(motor);
   const SinCos<T> four = twice(two);
   if (p.gear_error) {
-    const T turn = way * plant.gear.pinion_per_motor;
-    side.error = plant.gear.motor_error(motor, two, four, waves.turn.rotated(sincos_small<2>(turn)),
-                                        waves.tooth.rotated(sincos_small<3>(turn * plant.gear.teeth)));
+    const T turn = way * gear.pinion_per_motor;
+    side.error = gear.motor_error(motor, two, four, waves.turn.rotated(sincos_small<2>(turn)),
+                                  waves.tooth.rotated(sincos_small<3>(turn * gear.teeth)));
   }
   if (p.ripple)
     side.ripple = p.ripple_order % 4 == 0 ? multiple(four, p.ripple_order / 4).sin
@@ -197,19 +239,20 @@ GANTRY_INLINE T cable_torque(const Plant<T>& plant, T rho, T vel, T z, Forces<T>
   return cable_moment(plant.p, rho) - f.cable.torque;
 }
 
+// From a motor to the ring, which has turned by rho and meets the pinion at ring_angle.
 template <class T>
-GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, Anchor<T>& anchor,
-                               MaskOf<T> brake_closed) {
+GANTRY_INLINE TrainForces<T> train_forces(const Plant<T>& plant, const GearError<T>& gear,
+                                          const Train<const T>& x, TrainAnchor<T>& anchor,
+                                          const Thermal<T>& thermal, MaskOf<T> brake_closed, T brake_z, T rho,
+                                          T ring_angle, T vel_ring) {
   const PlantParams<T>& p = plant.p;
-  Forces<T> f;
-  const T rho = x.pos_load - x.pos_base;
-  const T vel_ring = x.vel_load - x.vel_base;
+  TrainForces<T> f;
   T slope_motor = plant.ratio_inverse;
   T slope_ring = T(1.0);
   T twist = x.pos_motor * plant.ratio_inverse - rho;
-  const MotorSide<T> motor = motor_side(plant, anchor.waves, x.pos_motor);
+  const MotorSide<T> motor = motor_side(plant, gear, anchor.waves, x.pos_motor);
   if (p.gear_error || p.tooth_pitch) {
-    const ErrorValue<T> ring = anchor.ring.at(rho);
+    const ErrorValue<T> ring = anchor.ring.at(ring_angle);
     twist = twist + motor.error.error + ring.error;
     slope_motor = slope_motor + motor.error.slope;
     slope_ring = slope_ring - ring.slope;
@@ -219,13 +262,35 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, An
     twist = twist + pinion.error;
     slope_motor = slope_motor + pinion.slope;
   }
-  const Mesh<T> mesh = mesh_torque(plant, anchor.thermal.half_backlash, twist,
+  const Mesh<T> mesh = mesh_torque(plant, thermal.half_backlash, twist,
                                    x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
   f.torque_mesh = mesh.torque;
   f.hysteresis_rate = mesh.hysteresis_rate;
-  const T motor_torque = motor_side_torque(plant, x, anchor, brake_closed, mesh.torque, motor, f);
+  const T motor_torque = motor_side_torque(plant, x, thermal, brake_closed, brake_z, mesh.torque, motor, f);
   f.acc_motor = (motor_torque - mesh.torque * slope_motor) * plant.motor_inverse;
-  T on_ring = mesh.torque * slope_ring;
+  f.on_ring = mesh.torque * slope_ring;
+  return f;
+}
+
+// kTwo: with a second pinion, whose motor has no brake. A plant with one pays nothing for it.
+template <bool kTwo = false, class T>
+GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, Anchor<T>& anchor,
+                               MaskOf<T> brake_closed) {
+  const PlantParams<T>& p = plant.p;
+  Forces<T> f;
+  const T rho = x.pos_load - x.pos_base;
+  const T vel_ring = x.vel_load - x.vel_base;
+  f.first = train_forces(plant, plant.gear, first_train(x), anchor.first, anchor.thermal, brake_closed,
+                         x.brake_z, rho, rho, vel_ring);
+  f.torque_mesh = f.first.torque_mesh;
+  T on_ring = f.first.on_ring;
+  if constexpr (kTwo) {
+    f.second = train_forces(plant, plant.second_gear, second_train(x), anchor.second, anchor.thermal,
+                            mask<T>(false), T(0.0), rho, rho + p.second_angle_rad, vel_ring);
+    const T other = f.second.torque_mesh;
+    f.torque_mesh = select(vabs(other) > vabs(f.torque_mesh), other, f.torque_mesh);
+    on_ring = on_ring + f.second.on_ring;
+  }
   if (p.roller_friction) {
     f.roller = roller_friction(plant, anchor.thermal, vel_ring, x);
     on_ring = on_ring - f.roller.torque;
@@ -255,11 +320,12 @@ GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>&
     torque = torque - f.roller.torque;
   }
   if (p.cable) torque = torque + cable_torque(plant, x.pos_load, x.vel_load, x.cable_z, f);
-  const T on_motor = motor_side_torque(plant, x, anchor, brake_closed, torque,
-                                       motor_side(plant, anchor.waves, x.pos_motor), f) +
-                     torque * plant.ratio_inverse;
-  f.acc_motor = on_motor * plant.rigid_inverse;
-  f.acc_load = f.acc_motor * plant.ratio_inverse;
+  const T on_motor =
+      motor_side_torque(plant, first_train(x), anchor.thermal, brake_closed, x.brake_z, torque,
+                        motor_side(plant, plant.gear, anchor.first.waves, x.pos_motor), f.first) +
+      torque * plant.ratio_inverse;
+  f.first.acc_motor = on_motor * plant.rigid_inverse;
+  f.acc_load = f.first.acc_motor * plant.ratio_inverse;
   f.torque_mesh = p.inertia_load_kg_m2 * f.acc_load - torque;
   return f;
 }

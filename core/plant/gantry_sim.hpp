@@ -75,6 +75,7 @@ class GantrySim {
              T brake_open_cycles, const Timing& timing) {
     plant_ = Plant<T>(plant);
     drive_ = Drive<T>(drive);
+    drive_.p.two_motors = plant.second_pinion;
     current_ = CurrentLoop<T>(plant, timing.cycle_s);
     close_cycles_ = brake_close_cycles;
     open_cycles_ = brake_open_cycles;
@@ -100,14 +101,16 @@ class GantrySim {
     if (p.base && !p.rigid) x.pos_base = -torque_mesh / p.base_stiffness_nm_per_rad;
     if (p.cable) torque_mesh = torque_mesh - cable_moment(p, theta0 - x.pos_base);
     const Thermal<T> thermal(p, T(0.0));
-    if (!p.rigid) settle_gears(theta0, torque_mesh, thermal.half_backlash);
-    T torque_motor = torque_mesh / p.ratio;
-    if (p.cogging) {
-      MotorWaves<T> waves(plant_.gear, x.pos_motor);
-      torque_motor = torque_motor - motor_side(plant_, waves, x.pos_motor).cogging;
-    }
-    if (p.ageing) x.roller_age = x.motor_age = T(1.0);  // it has stood for long
     report = Report();
+    if (p.ageing) x.roller_age = x.motor_age = T(1.0);  // it has stood for long
+    if (p.second_pinion) {
+      stand_on_two(torque_mesh, thermal, servo_on);
+      return;
+    }
+    if (!p.rigid)
+      settle_gears(plant_.gear, first_train(x), first_place(), torque_mesh, thermal.half_backlash);
+    T torque_motor = torque_mesh / p.ratio;
+    if (p.cogging) torque_motor = torque_motor - cogging_at(plant_.gear, x.pos_motor);
     report.torque_mesh = torque_mesh;
     if (servo_on) {
       if (p.thermal || p.torque_constant) torque_motor = torque_motor / thermal.motor_torque;
@@ -134,9 +137,10 @@ class GantrySim {
         anchor = here(k);
         anchored = 1;
       }
-      const T u = encoder.spoilt ? drive_cycle(drive_, command, s, encoder.position(x.pos_motor),
-                                               encoder.speed(x.vel_motor), report.limited)
-                                 : drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
+      const MotorTorques<T> u =
+          encoder.spoilt ? drive_cycle(drive_, command, s, encoder.position(x.pos_motor),
+                                       encoder.speed(x.vel_motor), report.limited)
+                         : drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
       step(anchor, u, dt);
       grip_where(brake.cycle());
       if (sample_every > 0 && (k + 1) % sample_every == 0) samples.push_back(sample());
@@ -146,10 +150,17 @@ class GantrySim {
     flush();
   }
 
-  // One drive cycle of the plant alone, torque u; for tests without a controller.
+  // One drive cycle of the plant alone, torque u, which two motors share; for tests without a controller.
   void advance(T u, T dt) {
     Anchor<T> anchor = here(0);
-    step(anchor, u, dt);
+    const T no_limit = T(1e300);
+    step(anchor,
+         plant_.p.second_pinion ? shared(u, drive_.p.preload_nm, no_limit) : MotorTorques<T>{u, T(0.0)}, dt);
+  }
+
+  // Torque of the axis, as the drive reports it: of both motors where there are two.
+  GANTRY_INLINE T torque_act() const {
+    return plant_.p.second_pinion ? x.torque_motor + x.torque_motor_2 : x.torque_motor;
   }
 
   // Encoder counts since its own zero; whole numbers unless the encoder is ideal. A resolution of several
@@ -210,34 +221,122 @@ class GantrySim {
   // Waves and wind at a drive cycle of the present scan.
   Anchor<T> here(int cycle) const {
     const T time = scans_done * T(timing_.scan_period_s) + T(cycle * timing_.cycle_s);
-    return Anchor<T>(plant_.p, plant_.gear, x, time);
+    return Anchor<T>(plant_.p, plant_.gear, plant_.second_gear, x, time);
   }
 
-  GANTRY_INLINE void step(Anchor<T>& anchor, T u, T dt) {
-    if (timing_.scheme == Scheme::kOneEvaluation)
-      step_one_evaluation(plant_, current_, anchor, u, brake.closed, dt, x, report.torque_mesh);
+  GANTRY_INLINE void step(Anchor<T>& anchor, const MotorTorques<T>& u, T dt) {
+    if (plant_.p.second_pinion)
+      step_two(anchor, u, dt);
     else
-      step_runge_kutta(plant_, current_, anchor, u, brake.closed, dt, timing_.rk4_steps, x,
-                       report.torque_mesh);
+      step_by_scheme<false>(anchor, u, dt);
+  }
+
+  // Not inlined, so that the loop of a plant with one pinion stays as short as it is.
+  void step_two(Anchor<T>& anchor, MotorTorques<T> u, const T& dt) {
+    if (plant_.p.lost_motor == 1) u.first = T(0.0);
+    if (plant_.p.lost_motor == 2) u.second = T(0.0);
+    step_by_scheme<true>(anchor, u, dt);
+  }
+
+  template <bool kTwo>
+  GANTRY_INLINE void step_by_scheme(Anchor<T>& anchor, const MotorTorques<T>& u, T dt) {
+    if (timing_.scheme == Scheme::kOneEvaluation)
+      step_one_evaluation<kTwo>(plant_, current_, anchor, u, brake.closed, dt, x, report.torque_mesh);
+    else
+      step_runge_kutta<kTwo>(plant_, current_, anchor, u, brake.closed, dt, timing_.rk4_steps, x,
+                             report.torque_mesh);
+  }
+
+  // Where a pinion meets the ring, and with which teeth.
+  struct Place {
+    T ring_angle;
+    Pinion pinion;
+  };
+  Place first_place() const { return {x.pos_load - x.pos_base, Pinion::kFirst}; }
+  Place second_place() const {
+    return {(x.pos_load - x.pos_base) + plant_.p.second_angle_rad, Pinion::kSecond};
   }
 
   // Wind-up and gear error for a static mesh torque, by fixed-point iteration.
-  void settle_gears(T theta0, T torque_mesh, T half_gap) {
+  void settle_gears(const GearError<T>& gear, const Train<T>& train, const Place& place, T torque_mesh,
+                    T half_gap) {
     const PlantParams<T>& p = plant_.p;
-    const T rho = theta0 - x.pos_base;
+    const T rho = x.pos_load - x.pos_base;
     const auto loaded = vabs(torque_mesh) > T(0.0);
     const T twist = sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, half_gap, T(0.0)));
-    T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
-    if (p.tooth_pitch) ring = ring + ring_pitch_error(p, rho).error;
+    T ring = p.gear_error ? gear.ring_error(place.ring_angle).error : T(0.0);
+    if (p.tooth_pitch) ring = ring + ring_pitch_error(p, place.ring_angle).error;
     for (int k = 0; k < 50; ++k) {
-      T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor).error : T(0.0);
-      if (p.tooth_pitch) em = em + pinion_pitch_error(p, x.pos_motor).error;
-      x.pos_motor = p.ratio * (rho + twist - em - ring);
+      T em = p.gear_error ? gear.motor_error(train.pos_motor).error : T(0.0);
+      if (p.tooth_pitch) em = em + pinion_pitch_error(p, train.pos_motor, place.pinion).error;
+      train.pos_motor = p.ratio * (rho + twist - em - ring);
     }
   }
 
+  // D(twist)/D(motor angle): 1/i and the slope of the gear error.
+  T slope_at(const GearError<T>& gear, const Place& place, T pos_motor) const {
+    const PlantParams<T>& p = plant_.p;
+    T slope = plant_.ratio_inverse;
+    if (p.gear_error) slope = slope + gear.motor_error(pos_motor).slope;
+    if (p.tooth_pitch) slope = slope + pinion_pitch_error(p, pos_motor, place.pinion).slope;
+    return slope;
+  }
+
+  T cogging_at(const GearError<T>& gear, T pos_motor) const {
+    MotorWaves<T> waves(gear, pos_motor);
+    return motor_side(plant_, gear, waves, pos_motor).cogging;
+  }
+
+  // Two pinions that hold a torque together: half each and the preload, all on the one whose motor has
+  // torque, or on the first, whose brake holds. A motor that is not asked for its own torque is held by its
+  // friction.
+  void stand_on_two(T torque_mesh, const Thermal<T>& thermal, bool servo_on) {
+    const PlantParams<T>& p = plant_.p;
+    x.pos_motor_2 = x.pos_motor;
+    x.motor_age_2 = x.motor_age;
+    const T first_has = T(servo_on && p.lost_motor != 1 ? 1.0 : 0.0);
+    const T second_has = T(servo_on && p.lost_motor != 2 ? 1.0 : 0.0);
+    const T constant = p.thermal || p.torque_constant ? thermal.motor_torque : T(1.0);
+    const bool share = servo_on && p.lost_motor == 0;
+    const T preload = p.ratio * (constant * drive_.p.preload_nm);
+    const bool on_first = !servo_on || p.lost_motor == 2;
+    const T mesh_1 = share ? T(0.5) * torque_mesh + preload : on_first ? torque_mesh : T(0.0);
+    const T mesh_2 = share ? T(0.5) * torque_mesh - preload : on_first ? T(0.0) : torque_mesh;
+    settle_gears(plant_.gear, first_train(x), first_place(), mesh_1, thermal.half_backlash);
+    settle_gears(plant_.second_gear, second_train(x), second_place(), mesh_2, thermal.half_backlash);
+    // Of the motors; the slope of the gear error counts, 1 % of 1/i: of the preload it is 0.3 N m.
+    T need_1 = mesh_1 * slope_at(plant_.gear, first_place(), x.pos_motor);
+    T need_2 = mesh_2 * slope_at(plant_.second_gear, second_place(), x.pos_motor_2);
+    if (p.cogging) {
+      need_1 = need_1 - cogging_at(plant_.gear, x.pos_motor);
+      need_2 = need_2 - cogging_at(plant_.second_gear, x.pos_motor_2);
+    }
+    report.torque_mesh = select(vabs(mesh_2) > vabs(mesh_1), mesh_2, mesh_1);
+    if (servo_on) {
+      // (u/2 + preload) of the first and (u/2 - preload) of the second, as far as they have torque, are
+      // needed.
+      const T living = first_has + second_has;
+      const T u = T(2.0) *
+                  ((first_has * need_1 + second_has * need_2) / constant -
+                   drive_.p.preload_nm * (first_has - second_has)) /
+                  living;
+      const MotorTorques<T> given = shared(u, drive_.p.preload_nm, drive_.p.torque_max_nm);
+      x.torque_motor = first_has * given.first;
+      x.torque_motor_2 = second_has * given.second;
+      s.torque_set = u;
+      s.integral = u / drive_.p.kvp_nm_s_per_rad;
+    } else {
+      x.brake_z = -need_1 / plant_.brake.stiffness;
+    }
+    if (p.motor_friction) {
+      if (servo_on) x.motor_z = (constant * x.torque_motor - need_1) / plant_.motor.stiffness;
+      x.motor_z_2 = (constant * x.torque_motor_2 - need_2) / plant_.motor.stiffness;
+    }
+    s.pos_last = counted_position(drive_, x.pos_motor, x.vel_motor);
+  }
+
   Sample sample() const {
-    return {{x.pos_motor, x.vel_motor, x.pos_load, x.vel_load, x.torque_motor,
+    return {{x.pos_motor, x.vel_motor, x.pos_load, x.vel_load, torque_act(),
              select(brake.closed, T(1.0), T(0.0))}};
   }
 

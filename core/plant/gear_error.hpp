@@ -81,6 +81,16 @@ struct GearError {
     reach = select(gear_reach < reach, gear_reach, reach);
   }
 
+  // That of the second pinion: the same gears in the same ring, begun at other angles.
+  static GearError of_second(PlantParams<T> p) {
+    p.phase_reducer_2x_rad = p.second_phase_reducer_2x_rad;
+    p.phase_reducer_1x_rad = p.second_phase_reducer_1x_rad;
+    p.phase_reducer_4x_rad = p.second_phase_reducer_4x_rad;
+    p.phase_pinion_rad = p.second_phase_pinion_rad;
+    p.phase_mesh_rad = p.second_phase_mesh_rad;
+    return GearError(p);
+  }
+
   // e_r(rho) = sum_n A_n sin(n rho + phase_n). The multiples of rho come from sums of angles, four at a time
   // and in four separate sums: a chain of twelve would wait for every product.
   RingError<T> ring_error(T rho) const {

@@ -87,7 +87,13 @@ constexpr int kWindWaves = 24;
   X(cable_moment_2_nm, 0.0, "per rad^2")                                                               \
   X(cable_moment_3_nm, 0.0, "per rad^3")                                                               \
   X(cable_friction_nm, 0.0, "half width of the hysteresis of the cables")                              \
-  X(cable_presliding_rad, 1e-2, "angle over which it turns over")
+  X(cable_presliding_rad, 1e-2, "angle over which it turns over")                                      \
+  X(second_angle_rad, 0.0, "place of the second pinion on the ring, from that of the first")           \
+  X(second_phase_reducer_2x_rad, 0.0, "gear error of the second reducer and pinion: phases")           \
+  X(second_phase_reducer_1x_rad, 0.0, "phase of it")                                                   \
+  X(second_phase_reducer_4x_rad, 0.0, "phase of it")                                                   \
+  X(second_phase_pinion_rad, 0.0, "phase of it")                                                       \
+  X(second_phase_mesh_rad, 0.0, "phase of it")
 
 // X(name, default, meaning): the same for every plant of a pack
 #define GANTRY_PLANT_SWITCHES(X)                                                                       \
@@ -109,6 +115,8 @@ constexpr int kWindWaves = 24;
   X(cogging_order, int, 1, "cogging cycles per motor turn")                                            \
   X(cogging, bool, false, "cogging torque present")                                                    \
   X(cable, bool, false, "moment of the cables present")                                                \
+  X(second_pinion, bool, false, "a second motor, reducer and pinion on the ring")                      \
+  X(lost_motor, int, 0, "motor of the two without torque: 0 neither, 1 the first, 2 the second")       \
   X(rigid, bool, false, "one inertia J/i^2 + Jm: theta = theta_m / i")
 
 #define GANTRY_PLANT_STATE(X)                                                                          \
@@ -128,13 +136,21 @@ constexpr int kWindWaves = 24;
 #define GANTRY_PLANT_EFFECT_STATE(X)                                                                   \
   X(roller_age, ageing, "age of the contact of the rollers, 0 fresh .. 1")                           \
   X(motor_age, ageing, "age of the contacts of the motor, 0 fresh .. 1")                             \
-  X(cable_z, cable, "friction state of the cables, rad")
+  X(cable_z, cable, "friction state of the cables, rad")                                             \
+  X(pos_motor_2, second_pinion, "theta_m of the second motor, rad, relative to the base")            \
+  X(vel_motor_2, second_pinion, "omega_m of it, rad/s")                                              \
+  X(torque_motor_2, second_pinion, "Te of it, N m")                                                  \
+  X(hysteresis_2, second_pinion, "Th of its reducer, N m")                                           \
+  X(motor_z_2, second_pinion, "friction state of it, rad")                                           \
+  X(motor_age_2, second_pinion, "age of its contacts, 0 fresh .. 1")
 // clang-format on
 
 // Deviations of single teeth, at the gantry. A plant has its own; a pack looks into those of its plants,
 // which outlive it.
 constexpr int kRingTeethMax = 1024;
 constexpr int kPinionTeethMax = 128;
+
+enum class Pinion { kFirst, kSecond };
 
 template <class T>
 struct ToothPitch {
@@ -144,6 +160,11 @@ template <>
 struct ToothPitch<double> {
   std::array<double, kRingTeethMax> ring_rad{};
   std::array<double, kPinionTeethMax> pinion_rad{};
+  std::array<double, kPinionTeethMax> second_pinion_rad{};
+
+  const std::array<double, kPinionTeethMax>& of(Pinion pinion) const {
+    return pinion == Pinion::kFirst ? pinion_rad : second_pinion_rad;
+  }
 };
 
 inline const ToothPitch<double>& tooth_pitch_of(const ToothPitch<double>& one, int) { return one; }

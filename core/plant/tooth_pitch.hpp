@@ -32,7 +32,7 @@ RingError<T> pitch_error(T pos, T units, T units_per_rad, T contact_ratio, const
 
 constexpr double kTurnsPerRad = 0.15915494309189535;
 
-// Of the ring, over its own angle.
+// Of the ring, over its own angle at the pinion.
 template <class T>
 RingError<T> ring_pitch_error(const PlantParams<T>& p, T rho) {
   const T per_rad = T(p.ring_teeth * kTurnsPerRad);
@@ -42,13 +42,13 @@ RingError<T> ring_pitch_error(const PlantParams<T>& p, T rho) {
   });
 }
 
-// Of the pinion, over the angle of the motor.
+// Of a pinion, over the angle of its motor.
 template <class T>
-RingError<T> pinion_pitch_error(const PlantParams<T>& p, T pos_motor) {
+RingError<T> pinion_pitch_error(const PlantParams<T>& p, T pos_motor, Pinion pinion = Pinion::kFirst) {
   const T per_rad = T(p.pinion_teeth * kTurnsPerRad) / p.reducer_ratio;
-  return pitch_error(pos_motor, pos_motor * per_rad, per_rad, p.contact_ratio, [&p](int k, long n) {
+  return pitch_error(pos_motor, pos_motor * per_rad, per_rad, p.contact_ratio, [&p, pinion](int k, long n) {
     const long turn = p.pinion_teeth;
-    return tooth_pitch_of(p.pitch, k).pinion_rad[static_cast<std::size_t>(((n % turn) + turn) % turn)];
+    return tooth_pitch_of(p.pitch, k).of(pinion)[static_cast<std::size_t>(((n % turn) + turn) % turn)];
   });
 }
 

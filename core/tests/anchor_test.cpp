@@ -86,7 +86,7 @@ TEST(Anchor, waves_of_the_motor_are_those_in_full_within_their_reach) {
   for (double way : {-1.0, -0.5, -0.13, 0.0, 0.02, 0.13, 0.49, 5.0, 1000.0}) {
     MotorWaves<double> waves(plant.gear, 77.3);
     const double pos = 77.3 + way;
-    const MotorSide<double> side = motor_side(plant, waves, pos);
+    const MotorSide<double> side = motor_side(plant, plant.gear, waves, pos);
     const ErrorValue<double> full = plant.gear.motor_error(pos);
     EXPECT_NEAR(side.error.error, full.error, 3e-12) << way;
     EXPECT_NEAR(side.error.slope, full.slope, 3e-12) << way;

@@ -32,7 +32,7 @@ struct Shaft {
   double cycle(DriveMode mode, double wanted, double vel, double feed = 0.0) {
     limited = false;
     const double pos = s.pos_last + vel * drive.p.cycle_s;
-    return drive_cycle(drive, {mode, wanted, feed}, s, pos, vel, limited);
+    return drive_cycle(drive, {mode, wanted, feed}, s, pos, vel, limited).first;
   }
 };
 

@@ -89,6 +89,13 @@ inline PlantParams<double> plant() {
   p.ring_teeth = 338;
   for (std::size_t n = 0; n < 338; ++n) p.pitch.ring_rad[n] = 4e-6 * std::sin(1.7 * double(n * n));
   for (std::size_t n = 0; n < 26; ++n) p.pitch.pinion_rad[n] = 2e-6 * std::sin(2.3 * double(n * n));
+  for (std::size_t n = 0; n < 26; ++n) p.pitch.second_pinion_rad[n] = 2e-6 * std::sin(2.9 * double(n * n));
+  p.second_angle_rad = 2.5;
+  p.second_phase_reducer_2x_rad = 1.1;
+  p.second_phase_reducer_1x_rad = 4.0;
+  p.second_phase_reducer_4x_rad = 0.3;
+  p.second_phase_pinion_rad = 5.2;
+  p.second_phase_mesh_rad = 2.4;
   p.contact_ratio = 1.6;
   p.gear_temp_start_k = 2.0;
   p.gear_temp_end_k = -4.0;
@@ -138,6 +145,7 @@ inline DriveParams<double> drive() {
   p.encoder_error_2x_rad = 1e-5;
   p.encoder_eccentricity_rad = 5e-5;
   p.encoder_eccentricity_phase_rad = 0.4;
+  p.preload_nm = 20.0;
   return p;
 }
 
@@ -152,6 +160,13 @@ inline GantrySim<double> sim() { return sim(plant(), drive()); }
 // Every effect that the reference machine has switched off.
 inline PlantParams<double> beyond(PlantParams<double> p) {
   p.wind = p.tooth_pitch = p.torque_constant = p.thermal = p.ageing = p.cogging = p.cable = true;
+  return p;
+}
+
+// The same with a second motor, reducer and pinion.
+inline PlantParams<double> on_two_pinions(PlantParams<double> p, int lost_motor = 0) {
+  p.second_pinion = true;
+  p.lost_motor = lost_motor;
   return p;
 }
 
@@ -170,6 +185,7 @@ inline PlantParams<double> varied(PlantParams<double> p, std::mt19937& random) {
   for (double& a : p.wind_phase_rad) a += factor(random);
   for (double& a : p.pitch.ring_rad) a *= factor(random);
   for (double& a : p.pitch.pinion_rad) a *= factor(random);
+  for (double& a : p.pitch.second_pinion_rad) a *= factor(random);
   return p;
 }
 

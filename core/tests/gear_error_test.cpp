@@ -129,12 +129,12 @@ TEST(Anchor, ring_has_the_errors_of_its_waves_and_of_its_teeth) {
   PlantState<double> x;
   x.pos_load = 0.3 + 0.45 * kPi;
   x.pos_base = 0.3;
-  const Anchor<double> anchor(p, GearError<double>(p), x, 0.0);
+  const Anchor<double> anchor(p, GearError<double>(p), GearError<double>(p), x, 0.0);
   const double rate = 4.0 / kPi;
-  EXPECT_NEAR(anchor.ring.error, 1e-6 + 3.76832e-6, 1e-17);
-  EXPECT_NEAR(anchor.ring.slope, 4e-6 * rate * 0.768, 1e-16);
-  EXPECT_NEAR(anchor.ring.curvature, -16e-6 - 4e-6 * rate * rate * 5.76, 1e-15);
-  EXPECT_NEAR(anchor.ring.rho, 0.45 * kPi, 1e-15);
+  EXPECT_NEAR(anchor.first.ring.error, 1e-6 + 3.76832e-6, 1e-17);
+  EXPECT_NEAR(anchor.first.ring.slope, 4e-6 * rate * 0.768, 1e-16);
+  EXPECT_NEAR(anchor.first.ring.curvature, -16e-6 - 4e-6 * rate * rate * 5.76, 1e-15);
+  EXPECT_NEAR(anchor.first.ring.rho, 0.45 * kPi, 1e-15);
 }
 
 // 30 N m and a gust of 10 sin(0.1 t + 0.2), which has half its size after 5 s and all of it from 10 s on.

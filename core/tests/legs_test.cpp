@@ -34,6 +34,7 @@ struct Population {
       if (k % 11 == 9) plant.rigid = true;
       if (k % 7 == 5) drive.delay_cycles = 0;
       if (k % 4 == 3) plant = example::beyond(plant);
+      if (k % 5 == 4 && !plant.rigid) plant = example::on_two_pinions(plant, static_cast<int>(k / 5) % 3);
       drive.encoder_errors = k % 8 == 3;
       const Scheme scheme = k % 13 == 11 ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation;
       GantrySim<double> sim = example::sim(plant, drive, scheme);

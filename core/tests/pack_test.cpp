@@ -176,6 +176,17 @@ TEST(Pack, equals_plants_with_every_effect) {
   expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 300);
 }
 
+TEST(Pack, equals_plants_on_two_pinions) {
+  for (int lost : {0, 1, 2}) {
+    const PlantParams<double> p = example::on_two_pinions(example::plant(), lost);
+    expect_pack_equals_scalars<8>(varied_plants(8, p), Scheme::kOneEvaluation, 500);
+    expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kRungeKutta4, 60);
+    expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 50, false);
+  }
+  const PlantParams<double> all = example::on_two_pinions(example::beyond(example::plant()));
+  expect_pack_equals_scalars<4>(varied_plants(4, all), Scheme::kOneEvaluation, 300);
+}
+
 TEST(Pack, equals_rigid_plants) {
   PlantParams<double> p = example::plant();
   p.rigid = true;

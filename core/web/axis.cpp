@@ -22,7 +22,7 @@ const char kNames[] =
 #undef X
         "plant.error_ring_rad[12]\nplant.phase_ring_rad[12]\n"
         "plant.wind_wave_nm[24]\nplant.wind_rate_rad_s[24]\nplant.wind_phase_rad[24]\n"
-        "plant.ring_pitch_rad[1024]\nplant.pinion_pitch_rad[128]\n"
+        "plant.ring_pitch_rad[1024]\nplant.pinion_pitch_rad[128]\nplant.second_pinion_pitch_rad[128]\n"
 #define X(name, type, value, meaning) "plant." #name "\n"
     GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -91,6 +91,7 @@ void stand(double angle_rad) {
   from.read(plant.wind_phase_rad);
   from.read(plant.pitch.ring_rad);
   from.read(plant.pitch.pinion_rad);
+  from.read(plant.pitch.second_pinion_rad);
 #define X(name, type, value, meaning) from.read(plant.name);
   GANTRY_PLANT_SWITCHES(X)
 #undef X

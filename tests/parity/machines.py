@@ -57,7 +57,10 @@ def machines(draw: st.DrawFn) -> Machine:
     }
     for name in _SWITCHES:
         changes[f"plant.switches.{name}"] = draw(st.booleans())
-    changes["plant.switches.rigid"] = draw(st.integers(0, 9)) == 0
+    changes["plant.switches.rigid"] = rigid = draw(st.integers(0, 9)) == 0
+    changes["plant.switches.second_pinion"] = not rigid and draw(st.integers(0, 3)) == 0
+    changes["plant.second_pinion.lost"] = draw(st.sampled_from(["none", "none", "first", "second"]))
+    changes["plant.second_pinion.preload_nm"] = draw(factor(-40.0, 40.0))
     return with_values(base, changes)
 
 

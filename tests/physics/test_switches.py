@@ -125,6 +125,7 @@ BEYOND: dict[str, dict[str, object]] = {
     "cogging": {"plant.motor.cogging_torque_nm": 5.0},
     "encoder_errors": {"plant.encoder.eccentricity_rad": 1e-3},
     "cable": {"plant.cable.moment_nm": 900.0},
+    "second_pinion": {"plant.second_pinion.preload_nm": 40.0, "plant.second_pinion.lost": "second"},
 }
 
 

@@ -71,6 +71,10 @@ def consistent_changes(draw):
     changes["axis.kind"] = "linear"
     # A cycle passes at most a quarter of a period of the cogging: 127 us at the highest ceiling and ratio drawn here.
     changes["plant.switches.cogging"] &= cycle < 120.0
+    # A second pinion has gears and a drive of its own, which no bus has.
+    changes["plant.switches.second_pinion"] &= (
+        not changes["plant.switches.rigid"] and changes["drive.kind"] != "canopen"
+    )
     _agree(changes)
     # The moment observer follows within a limit; the delivered machine has 0, which no factor changes.
     changes["control.compensation.moment_observer.limit_nm"] = draw(1.0, 1e5)

@@ -35,7 +35,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 NODE = ("node", str(ROOT / "tests" / "support" / "run_axis.mjs"))
 
-EFFECTS = ("tooth_pitch", "thermal", "ageing", "cogging", "encoder_errors", "cable")
+EFFECTS = ("tooth_pitch", "thermal", "ageing", "cogging", "encoder_errors", "cable", "second_pinion")
 AXES = {
     "hust_gantry": {},
     "hust_gantry by Runge-Kutta": {"plant.integration.scheme": "rk4"},

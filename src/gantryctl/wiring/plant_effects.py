@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from gantryctl import _core
+from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.units import rad
 from gantryctl.wiring.teeth import pinion_deviations_um, ring_deviations_um
 
+# The teeth of the second pinion are drawn by another seed than any that a machine file can give the first.
+_OTHER_SEED: Final = 2**31
+_LOST: Final = {"none": 0, "first": 1, "second": 2}
+
 
 def add_effects(p: _core.PlantParams, machine: Machine) -> None:
-    """Single teeth, temperatures, ageing contacts, cogging and cables, each by its switch (plant equations S13)."""
+    """Single teeth, temperatures, ageing contacts, cogging and cables, each by its switch (plant equations S13).
+
+    The second pinion is S15.
+    """
     _teeth(p, machine)
     _temperatures(p, machine)
     _ageing(p, machine)
     _cogging(p, machine)
     _cable(p, machine)
+    _second_pinion(p, machine)
 
 
 def add_encoder_errors(p: _core.DriveParams, machine: Machine) -> None:
@@ -28,6 +38,30 @@ def add_encoder_errors(p: _core.DriveParams, machine: Machine) -> None:
     p.encoder_error_2x_rad = encoder.interpolation_2x_rad
     p.encoder_eccentricity_rad = encoder.eccentricity_rad
     p.encoder_eccentricity_phase_rad = encoder.eccentricity_phase_rad
+
+
+def expect_one_pinion(machine: Machine, what: str) -> None:
+    """Refuse a machine with two pinions where something is computed with one motor.
+
+    Raises:
+        ConfigError: [plant.switches] second_pinion is on.
+    """
+    if machine.plant.switches.second_pinion:
+        raise ConfigError(
+            [
+                f"[plant.switches] second_pinion = true, must be false for {what}, which knows one motor: set it to "
+                "false, or compute with two pinions what runs the plant: move, stops, accuracy run, speed-test, compare"
+            ]
+        )
+
+
+def larger_share_nm(machine: Machine, torque_nm: float) -> float:
+    """Torque of the motor that has more of a torque of the axis, without its sign; one motor has all of it."""
+    pinion = machine.plant.second_pinion
+    if not machine.plant.switches.second_pinion or pinion.lost != "none":
+        return abs(torque_nm)
+    # u/2 + preload and u/2 - preload, each within its limit (plant equations S15).
+    return min(0.5 * abs(torque_nm) + abs(pinion.preload_nm), machine.motor.torque_max_nm)
 
 
 def ring_teeth(machine: Machine) -> int:
@@ -48,6 +82,9 @@ def _teeth(p: _core.PlantParams, machine: Machine) -> None:
     pinion = pinion_deviations_um(g.pinion_teeth, module_mm, t.pinion_grade, t.seed)
     p.ring_pitch_rad = [um * per_um for um in ring]
     p.pinion_pitch_rad = [um * per_um for um in pinion]
+    if switch.second_pinion:
+        other = pinion_deviations_um(g.pinion_teeth, module_mm, t.pinion_grade, t.seed + _OTHER_SEED)
+        p.second_pinion_pitch_rad = [um * per_um for um in other]
 
 
 def _temperatures(p: _core.PlantParams, machine: Machine) -> None:
@@ -87,3 +124,17 @@ def _cable(p: _core.PlantParams, machine: Machine) -> None:
     p.cable_moment_nm, p.cable_moment_1_nm = c.moment_nm, c.moment_1_nm_per_rad
     p.cable_moment_2_nm, p.cable_moment_3_nm = c.moment_2_nm_per_rad2, c.moment_3_nm_per_rad3
     p.cable_friction_nm, p.cable_presliding_rad = c.friction_nm, rad(c.presliding_deg)
+
+
+def _second_pinion(p: _core.PlantParams, machine: Machine) -> None:
+    second = machine.plant.second_pinion
+    p.second_pinion = machine.plant.switches.second_pinion
+    p.lost_motor = _LOST[second.lost]
+    p.second_angle_rad = rad(second.angle_deg)
+    (
+        p.second_phase_reducer_2x_rad,
+        p.second_phase_reducer_1x_rad,
+        p.second_phase_reducer_4x_rad,
+        p.second_phase_pinion_rad,
+        p.second_phase_mesh_rad,
+    ) = second.phases_rad

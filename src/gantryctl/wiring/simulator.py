@@ -161,6 +161,7 @@ def drive_params(machine: Machine) -> _core.DriveParams:
     p.brake_close_s = machine.brake.close_time_ms * 1e-3
     p.brake_open_s = machine.brake.open_time_ms * 1e-3
     p.delay_cycles = loop.delay_cycles
+    p.preload_nm = machine.plant.second_pinion.preload_nm
     add_encoder_errors(p, machine)
     return p
 
@@ -229,7 +230,8 @@ def turned_back(machine: Machine, state: Mapping[str, float]) -> dict[str, float
     turns = round(pos_rad / span_rad) if machine.axis.modulo and math.isfinite(pos_rad) else 0
     if turns:
         motor_turns = turns * gear.numerator
-        for name in ("pos_load", "pos_motor", "drive_pos_last"):
+        moved = [name for name in ("pos_load", "pos_motor", "pos_motor_2", "drive_pos_last") if name in found]
+        for name in moved:
             found[name] -= turns * span_rad if name == "pos_load" else motor_turns * math.tau
         per_turn = machine.encoder.fine_counts_per_turn
         span = machine.encoder.turns * per_turn

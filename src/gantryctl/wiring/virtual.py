@@ -19,6 +19,7 @@ from gantryctl.drives.virtual.side_channel.control import ControlClient, RemoteP
 from gantryctl.machine import Machine, configs_folder
 from gantryctl.units import rad, rad_s_from_r_min
 from gantryctl.wiring.bus_log import link_log
+from gantryctl.wiring.plant_effects import expect_one_pinion
 from gantryctl.wiring.simulator import drive_params, limit_switches_rad, plant_params, turned_back
 from gantryctl.wiring.virtual_nodes import load_encoder, virtual_neighbours, watchdog_s, wired
 
@@ -30,7 +31,12 @@ TABLE_ENDINGS: Final = (".eds", ".dcf", ".csv")
 
 
 def drive_hardware(machine: Machine, angle_deg: float | None = None) -> Hardware:
-    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed; as `sim_drive`."""
+    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed; as `sim_drive`.
+
+    Raises:
+        ConfigError: the machine has two pinions: their two drives would be two nodes.
+    """
+    expect_one_pinion(machine, "a virtual drive on a bus")
     motor, encoder, ratio = machine.motor, machine.encoder, machine.axis.ratio
     return Hardware(
         plant=plant_params(machine),

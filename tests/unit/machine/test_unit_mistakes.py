@@ -43,6 +43,7 @@ UNNOTICED = {
     "plant.motor.cogging_torque_nm": list(FACTORS),
     "plant.ageing.roller_nm": list(FACTORS),
     "plant.ageing.motor_nm": list(FACTORS),
+    "plant.second_pinion.preload_nm": list(FACTORS),
     "plant.encoder.interpolation_1x_rad": [60.0],
     "plant.encoder.interpolation_2x_rad": [60.0],
     "plant.encoder.eccentricity_rad": [60.0],  # magnetic encoders have 1 deg
@@ -134,6 +135,7 @@ SEEN_WHEN_ON = {
     "plant.ageing.motor_nm": ("ageing", [60.0]),
     "plant.encoder.interpolation_1x_rad": ("encoder_errors", []),
     "plant.encoder.interpolation_2x_rad": ("encoder_errors", []),
+    "plant.second_pinion.preload_nm": ("second_pinion", []),
 }
 
 

@@ -127,6 +127,14 @@ def pinion_pitch(m: Machine) -> list[float]:
     return [um * t.scale * 1e-6 / g.ring_radius_m for um in drawn]
 
 
+def other_pinion_pitch(m: Machine) -> list[float]:
+    """Teeth of another pinion of the same grade, drawn by a seed that no machine file can give."""
+    g, t = m.plant.gear_error, m.plant.tooth_pitch
+    module_mm = 2e3 * g.ring_radius_m / ring_count(m)
+    drawn = pinion_deviations_um(g.pinion_teeth, module_mm, t.pinion_grade, t.seed + 2**31)
+    return [um * t.scale * 1e-6 / g.ring_radius_m for um in drawn]
+
+
 TEETH: Row = {"plant.ring_pitch_rad": ring_pitch, "plant.pinion_pitch_rad": pinion_pitch}
 
 
@@ -575,6 +583,14 @@ ROWS: dict[str, Row] = {
     "plant.switches.cogging": {"plant.cogging": 1.0},
     "plant.switches.encoder_errors": {"drive.encoder_errors": 1.0},
     "plant.switches.cable": {"plant.cable": 1.0},
+    "plant.switches.second_pinion": {"plant.second_pinion": 1.0, "plant.second_pinion_pitch_rad": other_pinion_pitch},
+    "plant.second_pinion.angle_deg": {"plant.second_angle_rad": DEG},
+    "plant.second_pinion.phases_rad": {
+        f"plant.second_phase_{name}_rad": lambda m, k=k: m.plant.second_pinion.phases_rad[k]
+        for k, name in enumerate(("reducer_2x", "reducer_1x", "reducer_4x", "pinion", "mesh"))
+    },
+    "plant.second_pinion.preload_nm": {"drive.preload_nm": 1.0},
+    "plant.second_pinion.lost": {"plant.lost_motor": lambda _: 2},
     "plant.switches.gear_error": {"plant.gear_error": 1.0},
     "plant.switches.backlash": {"plant.backlash": 1.0, "plant.half_backlash_rad": lambda _: 0.0},
     "plant.switches.hysteresis": {"plant.hysteresis": 1.0},
@@ -678,6 +694,7 @@ CHANGED: dict[str, Any] = {
     "can.position_range": "around 0",
     "monitors.door_reaction": "quick_stop",
     "plant.integration.scheme": "rk4",
+    "plant.second_pinion.lost": "second",
     "plant.load.eccentric_angle_deg": 3.0,
     **dict.fromkeys(
         [

@@ -74,10 +74,12 @@ def identify(
     """
     from gantryctl.engineering.identification import calibration_of, check_valid, comparisons, fit
     from gantryctl.machine import calibration_toml
+    from gantryctl.wiring.plant_effects import expect_one_pinion
 
     need("scipy")
     check_lasting(config_file, "identify")
     machine = machine_under_test(config_file, "identify", calibrated=False)
+    expect_one_pinion(machine, "identify")
     path = out or _usual_place(machine, config_file)
     # Before the axis has moved for minutes, not after them.
     version = _next_version(path, force)

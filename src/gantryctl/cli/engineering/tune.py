@@ -100,10 +100,12 @@ def tune(
     from gantryctl.engineering.tuning.data import tuning_data
     from gantryctl.engineering.tuning.proposal import proposed_machine
     from gantryctl.engineering.tuning.result import tune as run
+    from gantryctl.wiring.plant_effects import expect_one_pinion
 
     need("matplotlib")
     check_lasting(config_file, "tune")
     machine = machine_under_test(config_file, "tune")
+    expect_one_pinion(machine, "tune")
     criteria, conditions = _criteria(base_um), _conditions(sensitivity, damping_left)
     if machine.on_bus:
         folder = directory(out or DEFAULT_OUT)

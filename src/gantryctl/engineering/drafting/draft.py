@@ -27,7 +27,8 @@ _PRODUCT: Final = (
     "control.kvf", "control.compensation.", "brake.owner", "brake.hold", "brake.test_interval", "brake.emergency",
     "drive.kind", "drive.speed_loop.delay_cycles", "drive.speed_loop.feedback",
     "drive.current_loop.", "monitors.", "accuracy.", "axis.display", "axis.no_go_deg", "plant.brake.torque_share",
-    "plant.tooth_pitch.", "plant.thermal.", "plant.ageing.", "plant.cable.", "plant.motor.cogging",
+    "plant.tooth_pitch.", "plant.thermal.", "plant.ageing.", "plant.cable.", "plant.second_pinion.",
+    "plant.motor.cogging",
     "plant.motor.torque_constant_ratio", "plant.structure.", "plant.encoder.interpolation",
     "plant.encoder.eccentricity", "plant.load_encoder.", "plant.uncertainty.", "plant.switches.", "plant.integration.",
 )  # fmt: skip

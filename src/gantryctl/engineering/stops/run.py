@@ -31,6 +31,7 @@ from gantryctl.motion import MotionLimits, SetPoint, hold, plan_stop, plan_veloc
 from gantryctl.notebook import table_html
 from gantryctl.units import deg, rad
 from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.plant_effects import larger_share_nm
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
 
@@ -260,7 +261,7 @@ def _evaluate(case: StopCase, log: Log) -> StopResult:
         angle_deg=deg(abs(float(motor[rest] - motor[0]))) / ratio,
         time_s=rest * log.period_s,
         load_angle_deg=deg(float(np.max(np.abs(load - load[0])))),
-        torque_motor_nm=float(np.max(np.abs(log["torque_act_nm"]))),
+        torque_motor_nm=larger_share_nm(machine, float(np.max(np.abs(log["torque_act_nm"])))),
         torque_reducer_nm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio,
         base_um=float(np.ptp(shake)),
         brake_energy_kj=lining,

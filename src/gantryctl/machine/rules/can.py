@@ -76,6 +76,14 @@ def limit_in_drive_is_that_of_the_machine(m: Machine) -> Broken:
     return at_most(limit, most, why) or at_least(limit, _LIMIT_PART * most, why)
 
 
+@bus_rule("plant.switches.second_pinion")
+def one_drive_on_the_bus(m: Machine) -> Broken:
+    """A second pinion has a second drive, and an axis on a bus has one."""
+    if not m.plant.switches.second_pinion:
+        return None
+    return 'must be false with [drive] kind = "canopen": two drives of one axis are simulated with "sim" only'
+
+
 @bus_rule("can.side_channel", "can.commissioning_required")
 def truth_is_for_virtual_drives(m: Machine) -> Broken:
     """A machine with a side channel is virtual."""

@@ -12,6 +12,8 @@ from gantryctl.machine.tables.model import Machine
 from gantryctl.units import rad, rad_s_from_r_min
 
 ROTOR = ("motor.inertia_kg_m2", "plant.motor.wave_generator_inertia_kg_m2")
+# How many motors there are, and how many have torque.
+PINIONS = ("plant.switches.second_pinion", "plant.second_pinion.lost")
 
 
 # --- motor and reducer --------------------------------------------------------------------------------------
@@ -66,18 +68,29 @@ def momentary_torque_is_credible(m: Machine) -> Broken:
     return at_most(m.reducer.torque_momentary_nm, most, "10 x rated; no gear bears more")
 
 
-@rule("motor.torque_max_nm", "virtual_axis.quick_dec_deg_s2", *RATIO, "plant.load.inertia_kg_m2", *ROTOR)
+@rule(
+    "motor.torque_max_nm",
+    "virtual_axis.quick_dec_deg_s2",
+    *RATIO,
+    "plant.load.inertia_kg_m2",
+    *ROTOR,
+    *PINIONS,
+)
 def motor_gives_quick_stop(m: Machine) -> Broken:
     """The torque limit covers the quick stop of the rigid machine: load, rotor and wave generator."""
     need = rigid_inertia_kg_m2(m) * rad(m.virtual_axis.quick_dec_deg_s2) * m.axis.ratio
-    return at_least(m.motor.torque_max_nm, need, "what the rigid machine needs for its quick stop")
+    return at_least(
+        m.motor.torque_max_nm, need / torque_motors(m), "what the rigid machine needs for its quick stop"
+    )
 
 
-@rule("motor.torque_max_nm", "virtual_axis.acc_deg_s2", *RATIO, "plant.load.inertia_kg_m2", *ROTOR)
+@rule("motor.torque_max_nm", "virtual_axis.acc_deg_s2", *RATIO, "plant.load.inertia_kg_m2", *ROTOR, *PINIONS)
 def motor_gives_acceleration(m: Machine) -> Broken:
     """The torque limit covers the acceleration of the rigid machine."""
     need = rigid_inertia_kg_m2(m) * rad(m.virtual_axis.acc_deg_s2) * m.axis.ratio
-    return at_least(m.motor.torque_max_nm, need, "what the rigid machine needs to accelerate")
+    return at_least(
+        m.motor.torque_max_nm, need / torque_motors(m), "what the rigid machine needs to accelerate"
+    )
 
 
 @rule(
@@ -218,7 +231,10 @@ def integral_is_sampled_enough(m: Machine) -> Broken:
     return at_least(loop.tvi_ms, 2.0 * loop.cycle_us / 1000.0, "two drive cycles")
 
 
-@rule("drive.speed_loop.kvp_nm_s_per_rad", "drive.speed_loop.cycle_us", *ROTOR, "plant.switches.rigid")
+@rule(
+    "drive.speed_loop.kvp_nm_s_per_rad", "drive.speed_loop.cycle_us", *ROTOR, "plant.switches.rigid",
+    "plant.switches.second_pinion",
+)  # fmt: skip
 def speed_loop_is_sampled_enough(m: Machine) -> Broken:
     """The speed loop on the rotor alone does not correct more than the whole error in one drive cycle."""
     inertia = rigid_inertia_kg_m2(m) if m.plant.switches.rigid else rotor_inertia_kg_m2(m)
@@ -232,8 +248,18 @@ def rotor_inertia_kg_m2(m: Machine) -> float:
 
 
 def rigid_inertia_kg_m2(m: Machine) -> float:
-    """Load, rotor and wave generator as one body, at the motor shaft."""
-    return m.plant.load.inertia_kg_m2 / m.axis.ratio**2 + rotor_inertia_kg_m2(m)
+    """Load, rotor and wave generator as one body, at the motor shaft; both rotors where there are two."""
+    return m.plant.load.inertia_kg_m2 / m.axis.ratio**2 + motors(m) * rotor_inertia_kg_m2(m)
+
+
+def motors(m: Machine) -> int:
+    """Motors on the ring."""
+    return 2 if m.plant.switches.second_pinion else 1
+
+
+def torque_motors(m: Machine) -> int:
+    """Those of them that have torque."""
+    return 1 if m.plant.second_pinion.lost != "none" else motors(m)
 
 
 def _power_of_two(value: int) -> Broken:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, linear_rule, rule
-from gantryctl.machine.rules.parts import ROTOR, rotor_inertia_kg_m2
+from gantryctl.machine.rules.parts import PINIONS, ROTOR, motors, rotor_inertia_kg_m2, torque_motors
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import rad
 
@@ -53,25 +53,26 @@ def check_moment_covers_wind(m: Machine) -> Broken:
 
 @rule(
     "motor.torque_max_nm", *RATIO, "plant.load.mass_kg", "plant.load.eccentricity_m",
-    "plant.roller_friction.breakaway_nm", "plant.motor_friction.breakaway_nm",
+    "plant.roller_friction.breakaway_nm", "plant.motor_friction.breakaway_nm", *PINIONS,
 )  # fmt: skip
 def motor_breaks_away(m: Machine) -> Broken:
     """The torque limit starts the axis against breakaway friction and the nominal eccentric moment."""
     load = m.plant.load.eccentric_moment_nm + m.plant.roller_friction.breakaway_nm
-    need = load / m.axis.ratio + m.plant.motor_friction.breakaway_nm
+    need = (load / m.axis.ratio + motors(m) * m.plant.motor_friction.breakaway_nm) / torque_motors(m)
     return at_least(m.motor.torque_max_nm, need, "breakaway friction and nominal eccentric moment")
 
 
 @rule(
-    "motor.torque_rated_nm", *_TOP_SPEED, *_ROLLERS, *_MOTOR_FRICTION, "plant.load.eccentric_check_moment_nm"
-)
+    "motor.torque_rated_nm", *_TOP_SPEED, *_ROLLERS, *_MOTOR_FRICTION, "plant.load.eccentric_check_moment_nm",
+    *PINIONS,
+)  # fmt: skip
 def motor_holds_speed(m: Machine) -> Broken:
     """Rated torque turns the axis at its highest setting against friction and the eccentric moment of the check."""
     rollers, motor = m.plant.roller_friction, m.plant.motor_friction
     v = rad(m.speed.setting_max_deg_s)
     load = m.plant.load.eccentric_check_moment_nm + rollers.coulomb_nm + rollers.viscous_nm_s_per_rad * v
     own = motor.coulomb_nm + motor.viscous_nm_s_per_rad * v * m.axis.ratio
-    need = load / m.axis.ratio + own
+    need = (load / m.axis.ratio + motors(m) * own) / torque_motors(m)
     return at_least(
         m.motor.torque_rated_nm, need, "friction at the highest setting and the moment of the check"
     )
@@ -238,7 +239,7 @@ def warm_motor_has_torque(m: Machine) -> Broken:
 @rule(
     "motor.torque_max_nm", *RATIO, "plant.load.mass_kg", "plant.load.eccentricity_m",
     "plant.roller_friction.breakaway_nm", "plant.motor_friction.breakaway_nm", "plant.ageing.roller_nm",
-    "plant.ageing.motor_nm", "plant.switches.ageing",
+    "plant.ageing.motor_nm", "plant.switches.ageing", *PINIONS,
 )  # fmt: skip
 def motor_breaks_away_after_rest(m: Machine) -> Broken:
     """The torque limit starts the axis after a long rest, against grown breakaway and the nominal eccentric moment."""
@@ -246,7 +247,9 @@ def motor_breaks_away_after_rest(m: Machine) -> Broken:
         return None
     rollers = m.plant.roller_friction.breakaway_nm + m.plant.ageing.roller_nm
     motor = m.plant.motor_friction.breakaway_nm + m.plant.ageing.motor_nm
-    need = (m.plant.load.eccentric_moment_nm + rollers) / m.axis.ratio + motor
+    need = ((m.plant.load.eccentric_moment_nm + rollers) / m.axis.ratio + motors(m) * motor) / torque_motors(
+        m
+    )
     return at_least(m.motor.torque_max_nm, need, "breakaway after rest and nominal eccentric moment")
 
 
@@ -278,6 +281,35 @@ def cables_have_ends(m: Machine) -> Broken:
     if not (m.axis.modulo and m.plant.switches.cable):
         return None
     return 'must be "linear": [plant.switches] cable is on, and a cable chain does not go round'
+
+
+@rule("plant.switches.second_pinion", "plant.switches.rigid")
+def second_pinion_has_gears(m: Machine) -> Broken:
+    """A second pinion needs gears: it is not there in one inertia."""
+    if not (m.plant.switches.second_pinion and m.plant.switches.rigid):
+        return None
+    return "must be false: [plant.switches] rigid = true makes all of the axis one inertia without gears"
+
+
+@rule("plant.second_pinion.preload_nm", "motor.torque_rated_nm", "plant.switches.second_pinion")
+def preload_leaves_torque(m: Machine) -> Broken:
+    """The preload of two pinions takes at most half of a motor's rated torque."""
+    if not m.plant.switches.second_pinion:
+        return None
+    most = 0.5 * m.motor.torque_rated_nm
+    size = abs(m.plant.second_pinion.preload_nm)
+    return at_most(size, most, "half of the rated torque; the rest is for the load")
+
+
+@rule(
+    "plant.second_pinion.preload_nm", "reducer.torque_rated_nm", "axis.reducer_ratio", "plant.switches.second_pinion"
+)  # fmt: skip
+def preload_within_reducer(m: Machine) -> Broken:
+    """The preload of two pinions, which never rests, stays below the rated torque of the reducers."""
+    if not m.plant.switches.second_pinion:
+        return None
+    most = m.reducer.torque_rated_nm / m.axis.reducer_ratio
+    return at_most(abs(m.plant.second_pinion.preload_nm), most, "the rated torque of the reducer / its ratio")
 
 
 # --- encoders -----------------------------------------------------------------------------------------------
@@ -321,6 +353,7 @@ def step_follows_transmission(m: Machine) -> Broken:
 @rule(
     CYCLE, "plant.transmission.hysteresis_length_rad", "brake.torque_nm", "motor.torque_max_nm", *RATIO, *ROTOR,
     "plant.load.inertia_kg_m2", "speed.overspeed_trip_deg_s", "plant.switches.hysteresis", "plant.switches.rigid",
+    "plant.switches.second_pinion",
     "plant.transmission.reducer_stiffness_1_nm_per_rad", "plant.transmission.rest_stiffness_nm_per_rad",
 )  # fmt: skip
 def step_follows_hysteresis(m: Machine) -> Broken:
@@ -330,12 +363,14 @@ def step_follows_hysteresis(m: Machine) -> Broken:
     t = m.plant.transmission
     reducer = m.axis.ring_ratio**2 * t.reducer_stiffness_1_nm_per_rad
     stiffness = 1.0 / (1.0 / reducer + 1.0 / t.rest_stiffness_nm_per_rad)
-    inertia = m.plant.load.inertia_kg_m2 + m.axis.ratio**2 * rotor_inertia_kg_m2(m)
-    acc = max(m.brake.torque_nm, m.motor.torque_max_nm) * m.axis.ratio / inertia
+    pinions = motors(m)
+    inertia = m.plant.load.inertia_kg_m2 + pinions * m.axis.ratio**2 * rotor_inertia_kg_m2(m)
+    acc = max(m.brake.torque_nm, pinions * m.motor.torque_max_nm) * m.axis.ratio / inertia
     # A step of the deceleration swings the load with twice the amplitude of a steady one, and never faster than the
     # axis was. The explicit step of the hysteresis is stable up to two lengths.
     swing = min(
-        2.0 * acc / math.sqrt(stiffness / m.plant.load.inertia_kg_m2), rad(m.speed.overspeed_trip_deg_s)
+        2.0 * acc / math.sqrt(pinions * stiffness / m.plant.load.inertia_kg_m2),
+        rad(m.speed.overspeed_trip_deg_s),
     )
     most = 2e6 * t.hysteresis_length_rad / swing
     return at_most(m.drive.speed_loop.cycle_us, most, "or the simulation of the hysteresis swings up")

@@ -14,14 +14,14 @@ from typing import Final
 
 from gantryctl.machine.rules.book import RATIO, Broken, at_most, rule
 from gantryctl.machine.rules.can import bus_rule
-from gantryctl.machine.rules.parts import ROTOR, rigid_inertia_kg_m2
+from gantryctl.machine.rules.parts import ROTOR, motors, rigid_inertia_kg_m2
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import deg
 
 STOP: Final = ("speed.setting_max_deg_s", "virtual_axis.quick_dec_deg_s2")
 ROOM: Final = (*STOP, "required.stopping_angle_deg")
 SCAN: Final = "control.scan_period_ms"
-BODY: Final = (*RATIO, "plant.load.inertia_kg_m2", *ROTOR)
+BODY: Final = (*RATIO, "plant.load.inertia_kg_m2", *ROTOR, "plant.switches.second_pinion")
 MOMENT: Final = "plant.load.eccentric_check_moment_nm"
 # Drive at its torque limit, the eccentric moment helping it.
 DRIVEN_AWAY: Final = ("motor.torque_max_nm", MOMENT, *BODY)
@@ -288,7 +288,7 @@ def brake_stop_within_stopping_angle(m: Machine) -> Broken:
 
 def driven_acc_deg_s2(m: Machine) -> float:
     """Acceleration of the rigid machine by the torque limit and the eccentric moment of the check together."""
-    return _acc_deg_s2(m, m.motor.torque_max_nm) + sinking_acc_deg_s2(m)
+    return _acc_deg_s2(m, motors(m) * m.motor.torque_max_nm) + sinking_acc_deg_s2(m)
 
 
 def sinking_acc_deg_s2(m: Machine) -> float:

@@ -11,6 +11,7 @@ from gantryctl.units import GRAVITY_M_S2
 
 RING_HARMONICS = 12
 PHASES = 18
+PINION_PHASES = 5
 
 # Cumulative pitch deviation of ISO 1328-1 grade 8 at 4.73 m and module 14: 0.27 mm peak to peak.
 _RING_UM = (60.0, 32.0, 22.0, 17.0, 13.0, 11.0, 9.0, 8.0, 7.0, 6.0, 5.0, 5.0)
@@ -219,6 +220,31 @@ class CableTable(Table):
     presliding_deg: float = number(0.5, 1e-4, 20.0, "Angle over which it turns over.", "estimate")
 
 
+class SecondPinionTable(Table):
+    """[plant.second_pinion]: a second motor, reducer and pinion; [plant.switches] second_pinion puts them there."""
+
+    # As large as what the machine gives the first: motor, reducer, friction and gear errors are those of [motor] and
+    # [plant]. Both motors share the torque u of one speed loop: u/2 + preload and u/2 - preload.
+    angle_deg: float = number(
+        90.0, -180.0, 180.0, "Place of the second pinion on the ring, from that of the first.", "estimate"
+    )
+    phases_rad: tuple[Annotated[float, Field(ge=-6.3, le=6.3)], ...] = numbers(
+        (2.1, 5.6, 0.8, 4.4, 1.3),
+        PINION_PHASES,
+        PINION_PHASES,
+        "Phases of its gear error: reducer 2x, 1x, 4x, pinion and output 1x, mesh.",
+        "estimate",
+    )
+    # Half of 16.0 kN m of eccentric moment, 6.8 of friction and twice the 15.0 of the paper's acceleration (the load
+    # swings), over 1144: 23.1 N m; a tenth more for the motors' friction, 4.2 N m for the hysteresis of the reducers.
+    preload_nm: float = number(
+        35.0, -1e5, 1e5, "Torque of the motors against each other, at the motor; 0 = none.", "derived"
+    )
+    lost: Literal["none", "first", "second"] = choice(
+        "none", "Motor without torque; the other and its friction stay. The drive does not know."
+    )
+
+
 class RollerFrictionTable(Table):
     """[plant.roller_friction]: the support rollers, at the load."""
 
@@ -374,6 +400,7 @@ class SwitchesTable(Table):
     cogging: bool = switch(False, "Cogging torque of the motor.")
     encoder_errors: bool = switch(False, "Errors of the motor encoder.")
     cable: bool = switch(False, "Moment of the cable chain.")
+    second_pinion: bool = switch(False, "Second motor, reducer and pinion.")
     three_slopes: bool = switch(True, "Three slopes of the reducer; false = the first slope only.")
     rigid: bool = switch(False, "One inertia without any compliance.")
 
@@ -429,6 +456,7 @@ class PlantTable(Table):
     thermal: ThermalTable = table("Temperatures.", ThermalTable)
     ageing: AgeingTable = table("Breakaway after rest.", AgeingTable)
     cable: CableTable = table("Cable chain.", CableTable)
+    second_pinion: SecondPinionTable = table("Second pinion.", SecondPinionTable)
     structure: StructureTable = table("What bends.", StructureTable)
     brake: PlantBrakeTable = table("Brake lining.", PlantBrakeTable)
     encoder: PlantEncoderTable = table("Mounting of the motor encoder.", PlantEncoderTable)

@@ -47,6 +47,7 @@ SWITCH_NAMES: Final = {
     "ageing": "breakaway after rest",
     "encoder_errors": "errors of the motor encoder",
     "cable": "cable chain",
+    "second_pinion": "second pinion",
     "rigid": "rigid (no compliance)",
 }
 

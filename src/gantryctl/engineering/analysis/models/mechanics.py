@@ -18,6 +18,7 @@ import numpy as np
 from gantryctl import _core
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
 from gantryctl.machine import Machine
+from gantryctl.wiring.plant_effects import expect_one_pinion
 from gantryctl.wiring.simulator import plant_params
 
 # Stands for a current loop that follows at once: 1 us.
@@ -158,7 +159,11 @@ def mechanics(
         variation: other values than the machine's.
         angle_rad: gantry angle; the eccentric moment is linearised there, and its torque on the mesh (with the
             rollers' friction while the axis slides in positive direction) widens the hysteresis.
+
+    Raises:
+        ConfigError: the machine has two pinions.
     """
+    expect_one_pinion(machine, "the linear model (analyse, tune)")
     p = _with(plant_params(machine), machine.plant.transmission.damping_ratio, variation)
     if kind is PlantKind.RIGID:
         return _rigid(p, friction, angle_rad)
