@@ -153,8 +153,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   const T torque = feed_forward_torque(p, ratio, r.pos, r.acc) - s.torque_zero_nm;
   out.torque_ff_nm = clamp(torque, -p.torque_limit_nm, p.torque_limit_nm);
   out.disagreement_rad = reading.seen - (y - c.pos);
-  out.moment_change_nm = T(0.0);
-  if (p.moment_observer) out.moment_change_nm = size_of(observe_moment(p, ratio, r, torque_nm, s));
+  out.moment_change_nm = p.moment_observer ? size_of(observe_moment(p, ratio, r, torque_nm, s)) : T(0.0);
   if (p.backlash_observer && p.load_encoder) {
     observe_lost_motion(p, moment, flank, r, out.disagreement_rad, s);
     use_lost_motion(p, moment, flank, r, s);

@@ -75,8 +75,10 @@ void observe_lost_motion(const CompensationParams<T>& p, const Moment<T>& m, con
   const T kept = select(tells, p.backlash_memory, T(1.0));
   int next = 0;
   for (int i = 0; i < kLeadColumns; ++i)
-    for (int j = i; j < kLeadColumns; ++j, ++next)
+    for (int j = i; j < kLeadColumns; ++j) {
       s.lead_sums[next] = kept * s.lead_sums[next] + taken * (row[i] * row[j]);
+      ++next;
+    }
   use_friction(p, heard, s);
 }
 
