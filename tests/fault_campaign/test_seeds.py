@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gantryctl.engineering.fault_campaign.draw import random_scenario
+from gantryctl.engineering.fault_campaign.draw import pair_scenario, random_scenario
 from gantryctl.engineering.fault_campaign.play import play
 from support.fault_liars import LIARS, SCAN_MS, found_by
 
@@ -16,6 +16,7 @@ pytestmark = pytest.mark.can
 SEEDS: dict[str, list[dict[str, Any]]] = tomllib.loads(
     (Path(__file__).parents[1] / "data" / "fault_seeds.toml").read_text()
 )
+KINDS = {"random": random_scenario, "pairs": pair_scenario}
 FOUND = {
     "an encoder alarm that only warns": 137,
     "a limit switch that only warns": 70,
@@ -37,7 +38,7 @@ def rows(which: str) -> list[object]:
 
 @pytest.mark.parametrize("row", rows("seed"))
 def test_a_seed_that_once_broke_holds(row: dict[str, Any]) -> None:
-    played = play(random_scenario(1, row["number"], SCAN_MS))
+    played = play(KINDS[row.get("kind", "random")](1, row["number"], SCAN_MS))
     assert played.scenario.drive == row["drive"]
     assert played.ok, (row["why"], played.violations)
 

@@ -159,6 +159,8 @@ class _Run:
             axis.reading_late_s = each.values["late_s"]
         if each.kind == "contact":
             axis.contact_lies = each.values["open"]
+        if each.kind == "stall":
+            axis.controller_held(each.values["late_s"])
         axis.fault_injected(
             feedback=effect.feedback, at_once=effect.at_once, brake=effect.brake, late_s=effect.late_s
         )

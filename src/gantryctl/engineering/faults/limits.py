@@ -82,10 +82,8 @@ def computed_deg(
         case ReactionClass.QUICK_STOP:
             return _quick_stop_deg(machine, speed) + speed * max(0.0, seen_s - REACTION_S)
         case ReactionClass.DRIVE_DEADLINE:
-            # The last command, the deadline, the drive's own period; at 50 ms and scans of 10 ms a little above the
-            # 60 ms of every other quick stop.
-            missed_s = 1e-3 * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
-            late_s = max(0.0, missed_s - REACTION_S)
+            # At 50 ms and scans of 10 ms a little above the 60 ms of every other quick stop.
+            late_s = max(0.0, _deadline_missed_s(machine) - REACTION_S)
             # A brake that is not the drive's closes after the drive has taken its torque off: nobody works it by 60FE
             # any more, or the controller closes it when it misses the drive. Meanwhile the motor goes with the swing of
             # the load.
@@ -116,12 +114,36 @@ def standstill_deg(machine: Machine) -> float:
     return _driven_deg(machine, 0.0, driven_acc_deg_s2(machine), _spoilt_s(machine))
 
 
+def held_up_deg(machine: Machine, speed_deg_s: float, held_s: float) -> float:
+    """Way of an axis whose encoder or sign is spoilt while its controller stands still.
+
+    The drive goes on with its last command, by all of its torque. The monitors count scans, of which there are none
+    meanwhile, so their time begins when the controller makes scans again: then alone torque off and the brake can
+    come. A drive on a bus does not wait for it: deadline, ramp, and its brake, behind which it takes the torque off.
+
+    Args:
+        speed_deg_s: where the controller began to stand still.
+        held_s: for how long; infinite for one that does not come back, on a bus.
+    """
+    speed = abs(speed_deg_s)
+    driven_s = held_s + _spoilt_s(machine)
+    if machine.on_bus:
+        ramp_s = speed / machine.virtual_axis.quick_dec_deg_s2
+        driven_s = min(driven_s, _deadline_missed_s(machine) + ramp_s + machine.brake.close_time_ms * _MS)
+    return _driven_deg(machine, speed, driven_acc_deg_s2(machine), driven_s)
+
+
 def brake_slip_deg(machine: Machine) -> float:
     """Way of a load that its brake lets go, until torque holds it: 0.16 deg on the reference gantry."""
     sag = machine.brake.sag_max_deg
     acc = deg(abs(eccentric_moment_nm(machine)) / _inertia_kg_m2(machine))
     fall_s = math.sqrt(2.0 * sag / acc) + _HOLD_S if acc > 0.0 else 0.0
     return 2.0 * sag + 0.5 * acc * fall_s**2
+
+
+def _deadline_missed_s(machine: Machine) -> float:
+    """From the last command until the drive stops by itself: a scan, the deadline, the drive's own period."""
+    return _MS * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
 
 
 def _inertia_kg_m2(machine: Machine) -> float:

@@ -22,10 +22,11 @@ from typing import Final
 
 import numpy as np
 
+from gantryctl.engineering.fault_campaign.judging.effects import effect_of
 from gantryctl.engineering.fault_campaign.machines import base_machine, base_of
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
-from gantryctl.engineering.faults.limits import limit_deg
+from gantryctl.engineering.faults.limits import held_up_deg, limit_deg
 from gantryctl.machine import Machine
 
 _CLASSES: Final = frozenset(
@@ -129,6 +130,12 @@ class Way:
     def _no_torque(self) -> bool:
         return any(each.number in _WITHOUT_TORQUE for each in self._faults)
 
+    @property
+    def _spoilt(self) -> bool:
+        """The reading is in doubt, or what the drive does with it, from now on."""
+        effects = (effect_of(injection) for each in self._faults for injection in each.injections())
+        return any(effect.feedback and effect.at_once for effect in effects)
+
     def _weakened(self, limit: float, speed_deg_s: float) -> float:
         if self._no_torque:
             base = base_machine("sim", False, "drive", self._scenario.scan_ms)
@@ -139,9 +146,10 @@ class Way:
                     limit += injection.values["late_s"] * speed_deg_s
                 elif injection.kind == "stall":
                     # The drive goes on with its last command; on a bus until its own deadline, which its class has in.
-                    limit += (
-                        injection.values["late_s"] * speed_deg_s if self._scenario.drive == "sim" else 0.0
-                    )
+                    late_s = injection.values["late_s"]
+                    limit += late_s * speed_deg_s if self._scenario.drive == "sim" else 0.0
+                    if self._spoilt:
+                        limit = max(limit, held_up_deg(self._machine, speed_deg_s, late_s))
                 elif injection.where == "brake" and injection.kind == "torque":
                     share = injection.values["share"]
                     limit = limit / share if share > 0.0 else math.inf

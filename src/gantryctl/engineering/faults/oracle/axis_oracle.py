@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.held import HeldUp
 from gantryctl.engineering.faults.oracle.limits import REFERENCE, Bounds, StopClass
 from gantryctl.engineering.faults.oracle.silence import Silence
+from gantryctl.engineering.faults.oracle.stretch import stretch_around
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, Mode, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
@@ -125,6 +127,7 @@ class AxisOracle:
         self._latched: Alarm | None = None
         self._onset: Instant | None = None
         self._onset_of_feedback = False
+        self._held: HeldUp | None = None
         self._disobeys = self._brake_fault = self._creeps = self._spoilt = False
         self._key_counts, self._halted, self._by_jog = True, False, False
         self._late_s = self.brake_late_s = self.reading_late_s = 0.0
@@ -209,6 +212,14 @@ class AxisOracle:
         old = onset is None or self.ms - onset.ms > _CAUSE_MS
         if at_once and (old or (feedback and not self._onset_of_feedback)):
             self._onset, self._onset_of_feedback = self._now(), feedback
+
+    def controller_held(self, held_s: float) -> None:
+        """The controller stands still from now on for so long."""
+        self._held = HeldUp(self._now(), held_s)
+
+    def held_way_deg(self, since: Instant) -> float:
+        """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
+        return self._held.way_deg(self, since) if self._held is not None and self._feedback_fault() else 0.0
 
     def _now(self) -> Instant:
         return Instant(self.ms, self.angle, self.speed, self.energised, self.brake_open)
@@ -530,6 +541,8 @@ class AxisOracle:
         onset = self._onset
         if self._feedback_fault():
             limit += self.bounds.fault_overspeed_deg_s * self._deg
+            if self._held is not None:
+                limit += self.bounds.driven_acc_deg_s2 * self._held.held_s * self._deg
         limit += self.bounds.unheld_acc_deg_s2 * self._deg * 1e-3 * min(self._driven_ms, self._unheld_max_ms)
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
@@ -565,20 +578,10 @@ class AxisOracle:
 
         An axis that stands outside of travel may stand there, and one that stands in a sector may leave it.
         """
-        travel, ratio = self._axis.settings.travel, self._ratio
-        here = (self.angle + self.offset) / ratio
-        low, high, self._in_sector = travel.over_travel_min_rad, travel.over_travel_max_rad, False
-        for begin, end in travel.no_go_rad:
-            # A modulo axis has the sector in every turn: the one that begins below here, and the next.
-            turns = math.floor((here - begin) / math.tau) if travel.endless else 0
-            for turn in (turns, turns + 1) if travel.endless else (0,):
-                first, last = begin + turn * math.tau, end + turn * math.tau
-                if first < here < last:
-                    self._in_sector = True
-                elif last <= here:
-                    low = max(low, last)
-                else:
-                    high = min(high, first)
+        ratio = self._ratio
+        low, high, self._in_sector = stretch_around(
+            self._axis.settings.travel, (self.angle + self.offset) / ratio
+        )
         return (
             min(low * ratio - self.offset, self.angle - self._sag),
             max(high * ratio - self.offset, self.angle + self._sag),
@@ -666,6 +669,8 @@ class AxisOracle:
             before = abs(angle - stop.onset.angle) / self._deg
             after = self._allowed_deg(StopClass.TORQUE_OFF, speed / self._deg, way - before)
             allowed = max(allowed, before + after)
+        if way > allowed and stop.kind is StopClass.FEEDBACK:
+            allowed = max(allowed, self.held_way_deg(stop.onset))
         stop.allowed_deg = allowed
         if way > allowed:
             self.say(

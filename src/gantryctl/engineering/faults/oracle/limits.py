@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from gantryctl.engineering.faults.case import ReactionClass
-from gantryctl.engineering.faults.limits import brake_slip_deg, computed_deg
+from gantryctl.engineering.faults.limits import brake_slip_deg, computed_deg, held_up_deg
 from gantryctl.engineering.stops import StopClass as SimulatedStop
 from gantryctl.engineering.stops import worst_stop
 from gantryctl.machine import Machine
@@ -79,6 +79,8 @@ class Bounds:
         dither_deg: a standing encoder is asked by at most so much, forth and back in some ms each.
         rest_s: time to rest by class. way_deg: permitted way by class and speed.
         plant_way_deg: the same, computed on a plant that is not the one of `way_deg`, asked where that is passed.
+        held_way_deg: permitted way by speed and time of a controller that stands still with a spoilt feedback.
+        driven_acc_deg_s2: what all torque makes meanwhile.
     """
 
     sag_deg: float
@@ -93,11 +95,18 @@ class Bounds:
     rest_s: Mapping[StopClass, float]
     way_deg: Callable[[StopClass, float], float]
     plant_way_deg: Callable[[StopClass, float], float] | None = None
+    held_way_deg: Callable[[float, float], float] | None = None
+    driven_acc_deg_s2: float = 0.0
 
 
 def reference_bounds(machine: Machine) -> Bounds:
     """Those of the reference gantry, for one of its kind whose plant is another (load, friction, stiffness)."""
-    return replace(REFERENCE, plant_way_deg=partial(_computed_way_deg, machine))
+    return replace(
+        REFERENCE,
+        plant_way_deg=partial(_computed_way_deg, machine),
+        held_way_deg=partial(held_up_deg, machine),
+        driven_acc_deg_s2=driven_acc_deg_s2(machine),
+    )
 
 
 def bounds_of(machine: Machine) -> Bounds:

@@ -29,6 +29,8 @@ class Silence:
         way = abs(true.deg(true.angle - last.angle))
         allowed = true.bounds.way_deg(StopClass.SILENCE, true.deg(last.speed))
         if way > allowed:
+            allowed = max(allowed, true.held_way_deg(last))
+        if way > allowed:
             true.say("INV-1", f"{way:.3f} deg since the last command, at most {allowed:.3f}")
         if passed_s > true.bounds.rest_s[StopClass.SILENCE]:
             if abs(speed) > true.bounds.rest_deg_s:

@@ -30,6 +30,10 @@ class TrueAxis(Protocol):
         """An angle or a speed of the motor at the gantry, deg or deg/s."""
         ...
 
+    def held_way_deg(self, since: Instant) -> float:
+        """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
+        ...
+
     def scans_ms(self, scans: float) -> float:
         """Time of so many scans."""
         ...

@@ -1,0 +1,83 @@
+"""An encoder freezes in motion while the controller stands still: what the true plant does, and what is permitted."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from gantryctl.engineering.fault_campaign.draw import pair_scenario
+from gantryctl.engineering.fault_campaign.machines import base_machine
+from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.engineering.faults.limits import held_up_deg
+from gantryctl.program.alarms import log
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.feedback import Feedback
+
+pytestmark = pytest.mark.can
+FROZEN_S = 19.58
+
+
+def scenario(drive: Literal["sim", "bus"], held_s: float) -> Scenario:
+    """Pair 1016, ended 3 s after its faults: a move of 0.42 deg/s, both faults in the same scan."""
+    drawn = pair_scenario(1, 1016, 4.0)
+    faults = tuple(
+        fault.model_copy(update={"args": {"late_s": held_s}} if fault.number == "F2" else {})
+        for fault in drawn.faults
+    )
+    actions = tuple(each for each in drawn.actions if each.at_s < FROZEN_S)
+    given = {"drive": drive, "faults": faults, "actions": actions, "duration_s": FROZEN_S + 3.0}
+    return drawn.model_copy(update=given)
+
+
+# The way of the true plant: 0.12, 1.48 and 3.10 deg in process, 0.15 and 0.51 deg where the drive stops by itself.
+@pytest.mark.parametrize(
+    ("drive", "held_s", "least_deg", "most_deg"),
+    [
+        ("sim", 0.04, 0.05, 0.35),
+        ("sim", 0.31, 0.6, 2.8),
+        ("sim", 0.5, 1.6, 5.1),
+        ("bus", 0.04, 0.05, 0.35),
+        ("bus", 0.31, 0.2, 0.8),
+    ],
+)
+def test_the_torque_goes_as_soon_as_anybody_can_take_it(
+    drive: Literal["sim", "bus"], held_s: float, least_deg: float, most_deg: float
+) -> None:
+    """In process only the controller can end it, on a bus the drive does so after its deadline of 50 ms."""
+    played = play(scenario(drive, held_s), record=True)
+    assert played.ok, played.violations
+    rows = played.log
+    assert rows is not None
+    assert played.onset_s is not None
+    after = rows["time_s"] >= played.onset_s - 1e-9
+    way = np.abs(rows["pos_deg"][after] - rows["pos_deg"][after][0]).max()
+    assert least_deg < way < most_deg
+    off_s = rows["time_s"][after & (rows["enabled"] == 0.0)][0] - played.onset_s
+    # The frozen count is seen 32 ms after the controller makes scans again at the latest; two scans and one of the log.
+    assert off_s < held_s + 0.032 + 0.008 + 0.004
+
+
+def test_a_program_that_leaves_the_torque_on_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit permits no more than the time in which nobody could act."""
+    blind = (Code.ENC_02, Code.BRK_14)
+    true = Feedback.doubt
+    for code in blind:
+        monkeypatch.setitem(log.ALARMS, code, log.ALARMS[code]._replace(reaction=Reaction.W))
+
+    def doubt(self: Feedback, code: Code, /, **values: object) -> None:
+        if code not in blind:
+            true(self, code, **values)
+
+    monkeypatch.setattr(Feedback, "doubt", doubt)
+    assert any(each.invariant == "INV-1" for each in play(scenario("sim", 0.04)).violations)
+
+
+def test_a_drive_on_a_bus_does_not_wait_for_its_controller() -> None:
+    """Its own deadline bounds the way: a controller that never comes back permits no more than one of 0.5 s."""
+    bus = base_machine("bus", False, "drive", 4.0)
+    assert held_up_deg(bus, 0.42, np.inf) == held_up_deg(bus, 0.42, 0.5)
+    sim = base_machine("sim", False, "drive", 4.0)
+    assert held_up_deg(sim, 0.42, 0.5) > 1.5 * held_up_deg(bus, 0.42, 0.5)
