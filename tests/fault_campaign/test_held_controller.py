@@ -7,14 +7,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from gantryctl.engineering.fault_campaign.draw import pair_scenario
+from gantryctl.engineering.fault_campaign.draw import pair_scenario, random_scenario
 from gantryctl.engineering.fault_campaign.machines import base_machine
 from gantryctl.engineering.fault_campaign.play import play
-from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.limits import held_up_deg
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.feedback import Feedback
+from support.fault_liars import LIARS
 
 pytestmark = pytest.mark.can
 FROZEN_S = 19.58
@@ -81,3 +82,13 @@ def test_a_drive_on_a_bus_does_not_wait_for_its_controller() -> None:
     assert held_up_deg(bus, 0.42, np.inf) == held_up_deg(bus, 0.42, 0.5)
     sim = base_machine("sim", False, "drive", 4.0)
     assert held_up_deg(sim, 0.42, 0.5) > 1.5 * held_up_deg(bus, 0.42, 0.5)
+
+
+def test_the_angle_is_judged_again_after_a_late_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seed 22 finds a program that calls every angle valid; a scan that was late seconds before changes nothing."""
+    drawn = random_scenario(1, 22, 4.0)
+    late = PlannedFault(number="F1", at_s=0.5)
+    scene = drawn.model_copy(update={"faults": (late, *drawn.faults)})
+    LIARS["an angle that is called valid whatever the reading says"].plant(monkeypatch)
+    told = [each for each in play(scene).violations if each.invariant == "INV-7"]
+    assert any("called valid" in each.text for each in told), told

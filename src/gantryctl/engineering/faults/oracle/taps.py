@@ -89,6 +89,8 @@ class Oracle:
         program, image = last
         if axis.program is not program:
             axis.bind(program)
+        # A late scan gives the drive in process its last command again; the program goes on here.
+        axis.program_over = False
         axis.command(output, image.operator)
 
 
