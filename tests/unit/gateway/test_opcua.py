@@ -42,7 +42,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
 
 
 SHOWN = {"axis_state": "continuous_motion", "pos_act_deg": 12.5, "power": True, "scan": 7, "machine": "m",
-         "alarms": [{"first_out": True, "code": "CTL-03", "text": "CTL-03 STOP"}]}  # fmt: skip
+         "alarms": [{"first_out": False, "code": "DRV-02", "text": "DRV-02 STOP"},
+                    {"first_out": True, "code": "CTL-03", "text": "CTL-03 STOP"}]}  # fmt: skip
 
 
 def test_a_trusted_client_reads_the_axis_and_can_change_nothing(run: Run) -> None:
@@ -59,9 +60,11 @@ def test_a_trusted_client_reads_the_axis_and_can_change_nothing(run: Run) -> Non
                 True,
                 False,
             ]
+            # The one that stopped the axis; a later one, which it has brought about, stands above it in the list.
             assert await value("Axis.AxisErrorID") == "CTL-03"
+            assert await value("Axis.Text") == "CTL-03 STOP"
             assert [await value(f"Tags.{name}") for name in ("power", "scan", "machine")] == [True, 7, "m"]
-            assert json.loads(await value("Tags.alarms"))[0]["code"] == "CTL-03"
+            assert [row["code"] for row in json.loads(await value("Tags.alarms"))] == ["DRV-02", "CTL-03"]
             tags = await client.nodes.objects.get_child([f"{space}:Axis", f"{space}:Tags"])
             assert {(await node.read_browse_name()).Name for node in await tags.get_children()} == {
                 tag.name for tag in TAGS
@@ -76,6 +79,22 @@ def test_a_trusted_client_reads_the_axis_and_can_change_nothing(run: Run) -> Non
                 with pytest.raises(ua.UaError):
                     await change
             assert await value("Tags.pos_act_deg") == 12.5
+
+    run(check)
+
+
+def test_a_value_is_dated_when_it_was_read_and_not_when_it_was_written(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        async with await bench.client() as client:
+            space = await client.get_namespace_index("urn:gantryctl:axis")
+            node = client.get_node(ua.NodeId("Tags.pos_act_deg", space))
+            dates = []
+            # Written a moment later, and a minute old.
+            for shown, age_ms in ((1.0, 0.0), (2.0, 60_000.0)):
+                await bench.space.show({**SHOWN, "pos_act_deg": shown}, age_ms=age_ms)
+                found = await node.read_data_value(raise_on_bad_status=False)
+                dates.append(found.SourceTimestamp)
+            assert dates[1] < dates[0]
 
     run(check)
 
