@@ -200,11 +200,11 @@ def test_the_certificate_of_somebody_else_opens_no_session(run: Run) -> None:
     run(check)
 
 
-async def renewed(wire: Wire, lifetime_ms: int) -> int:
+async def renewed(wire: Wire, lifetime_ms: int, asked: str = "Renew") -> int:
     """Ask for new keys of an open channel; its lifetime, ms."""
     request = ua.OpenSecureChannelRequest()
     wanted = request.Parameters
-    wanted.SecurityMode, wanted.RequestType = MODES.SignAndEncrypt, ua.SecurityTokenRequestType.Renew
+    wanted.SecurityMode, wanted.RequestType = MODES.SignAndEncrypt, ua.SecurityTokenRequestType[asked]
     wanted.ClientNonce, wanted.RequestedLifetime = os.urandom(32), lifetime_ms
     data = struct_to_binary(request)
     await wire.say(wire.secure.message_to_binary(data, ua.MessageType.SecureOpen, wire._next()))
@@ -225,6 +225,15 @@ def test_a_channel_is_renewed_by_its_own_certificate_only(run: Run) -> None:
         with pytest.raises(Refused, match="BadSecurityChecksFailed"):
             await renewed(wire, 60_000)
         assert any("another certificate in a renewal" in text for text in bench.texts())
+
+    run(check)
+
+
+def test_an_open_channel_is_not_opened_once_more_under_its_sessions(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        with pytest.raises(Refused, match="BadRequestTypeInvalid"):
+            await renewed(wire, 60_000, "Issue")
 
     run(check)
 
