@@ -59,6 +59,12 @@ def with_value(plant: _core.PlantParams, name: str, value: float) -> _core.Plant
         raise UsageError(f"plant parameter '{name}' must not be below 0, got {value:g}")
     if name in _BELOW_ONE and not value < 1.0:
         raise UsageError(f"plant parameter '{name}' must be below 1, got {value:g}")
+    if name == "lost_motor" and value not in (0.0, 1.0, 2.0):
+        raise UsageError(f"plant parameter '{name}' must be 0 (neither), 1 or 2, got {value:g}")
+    if name == "second_pinion" and bool(value) is not present:
+        raise UsageError(
+            f"plant parameter '{name}' cannot change while the plant runs: it has no second motor"
+        )
     changed = plant.copy()
     try:
         setattr(changed, name, type(present)(value))

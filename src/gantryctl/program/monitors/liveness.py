@@ -44,7 +44,7 @@ class Liveness:
     __slots__ = (
         "_after", "_alarms", "_at", "_back", "_counts", "_counts_per_rad", "_feedback", "_half", "_holding",
         "_patience", "_period_s", "_scan", "_slowest", "_still", "_stood_nm", "_torque_against_nm", "_torque_full_nm",
-        "_torque_scan", "_torque_scans", "_torque_still_nm", "_tries", "_unproven", "_vel", "dithers",
+        "_torque_nm", "_torque_scan", "_torque_scans", "_torque_still_nm", "_tries", "_unproven", "_vel", "dithers",
         "vel_rad_s",
     )  # fmt: skip
 
@@ -67,7 +67,7 @@ class Liveness:
         # No load needs more than the brake is tested with; more of it against a motion brakes the motion.
         self._torque_against_nm = settings.power.test_torque_nm
         self._torque_full_nm = _FULL_SHARE * settings.power.torque_max_nm
-        self._counts = self._slowest = self._stood_nm = math.nan
+        self._counts = self._slowest = self._stood_nm = self._torque_nm = math.nan
         self._scan = self._torque_scan = -2
         self._still = self._at = self._tries = self.dithers = 0
         self.vel_rad_s = self._vel = 0.0
@@ -111,9 +111,14 @@ class Liveness:
         self._scan = scan
         if feedback.counts == self._counts:
             self._still += feedback.periods
+            # A speed loop that adds up needs many scans for so much: all of it in one is the torque reading (DRV-14).
+            change_nm = feedback.torque_nm - self._torque_nm
+            if abs(change_nm) > self._torque_still_nm:
+                self._stood_nm += change_nm
         else:
             self._counts, self._still, self._tries = feedback.counts, 0, 0
             self._stood_nm = feedback.torque_nm
+        self._torque_nm = feedback.torque_nm
 
     def _torque_leaves(self) -> bool:
         """The torque goes away from what it was when the reading began to stand.
