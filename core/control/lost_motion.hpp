@@ -67,7 +67,7 @@ void observe_lost_motion(const CompensationParams<T>& p, const Moment<T>& m, con
   const T side = sign(mesh);
   const auto steady = both(vabs(r.vel) > p.observer_speed_rad_s, s.direction * z == T(1.0));
   const auto lies = both(r.acc == T(0.0), vabs(mesh) > T(kFlankKnown) * p.friction_nm);
-  const auto heard = both(steady, vabs(apart) < T(kLeadMax));  // NaN is none
+  const auto heard = both(steady, vabs(apart) < T(kLeadMax));  // false of NaN
   const auto tells = both(both(heard, lies), moment_known(p, s));
   const T lead = select(tells, T(0.5) * s.backlash_change_rad * side - apart, T(0.0));
   const std::array<T, kLeadColumns> row{T(1.0), x.sin, x.cos, z, side, lead};
@@ -105,7 +105,7 @@ void use_lost_motion(const CompensationParams<T>& p, const Moment<T>& m, const F
                  map_correction(p, m, flank, s.direction, zero, r.pos, zero, zero, zero).pos;
   const T twist = backlash_correction(p, m, then, s.direction, zero, r.pos, zero, zero, zero).pos -
                   backlash_correction(p, m, flank, s.direction, zero, r.pos, zero, zero, zero).pos;
-  const auto given = both(ended, vabs(s.bias_rad - lead) <= p.encoder_limit_rad);  // NaN is none
+  const auto given = both(ended, vabs(s.bias_rad - lead) <= p.encoder_limit_rad);  // false of NaN
   s.backlash_change_rad = select(given, s.backlash_change_rad + step, s.backlash_change_rad);
   s.bias_rad = select(given, s.bias_rad - lead, s.bias_rad);
   s.twist_slow_rad = select(given, s.twist_slow_rad - twist, s.twist_slow_rad);

@@ -1,7 +1,7 @@
 """Change of one parameter of a simulated plant that runs, and the watch over what comes of it.
 
-The compiled plant computes with whatever it is given. Friction below nothing drives the shaft on, an inertia of nothing
-divides by nothing, a spring that is far too stiff for the cycle of the drive swings up: the state would be NaN for
+The compiled plant computes with whatever it is given. Negative friction drives the shaft on, something is divided by
+an inertia of zero, a spring that is far too stiff for the cycle of the drive swings up: the state would be NaN for
 good, and everything behind it would be judged by a reading that no axis can have.
 """
 
@@ -14,7 +14,7 @@ from gantryctl import _core
 from gantryctl.errors import DeviceError, UsageError
 
 # Something is divided by each of them.
-_ABOVE_NOTHING: Final = frozenset(
+_POSITIVE: Final = frozenset(
     {
         "ratio", "reducer_ratio", "inertia_load_kg_m2", "inertia_motor_kg_m2", "stiffness_1_nm_per_rad",
         "stiffness_2_nm_per_rad", "stiffness_3_nm_per_rad", "hysteresis_length_rad", "roller_stribeck_rad_s",
@@ -26,7 +26,7 @@ _ABOVE_NOTHING: Final = frozenset(
     }
 )  # fmt: skip
 # What takes energy out of the plant, or is the size of something.
-_NOT_BELOW_NOTHING: Final = frozenset(
+_NOT_NEGATIVE: Final = frozenset(
     {
         "torque_1_nm", "torque_2_nm", "damping_nm_s_per_rad", "half_backlash_rad", "hysteresis_torque_nm",
         "hysteresis_load_ratio", "roller_coulomb_nm", "roller_breakaway_nm", "roller_viscous_nm_s_per_rad",
@@ -53,9 +53,9 @@ def with_value(plant: _core.PlantParams, name: str, value: float) -> _core.Plant
         raise UsageError(f"the plant has no parameter '{name}' that is a number")
     if not math.isfinite(value):
         raise UsageError(f"plant parameter '{name}' must be finite, got {value:g}")
-    if name in _ABOVE_NOTHING and not value > 0.0:
+    if name in _POSITIVE and not value > 0.0:
         raise UsageError(f"plant parameter '{name}' must be above 0, got {value:g}")
-    if name in _NOT_BELOW_NOTHING and not value >= 0.0:
+    if name in _NOT_NEGATIVE and not value >= 0.0:
         raise UsageError(f"plant parameter '{name}' must not be below 0, got {value:g}")
     if name in _BELOW_ONE and not value < 1.0:
         raise UsageError(f"plant parameter '{name}' must be below 1, got {value:g}")

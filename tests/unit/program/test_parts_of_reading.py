@@ -23,6 +23,27 @@ def lives(period_s=0.001, **monitors):
 
 @BOTH
 @PERIODS
+@pytest.mark.parametrize("ramp", [True, False], ids=["ramp", "one jump"])
+def test_a_torque_that_goes_on_leaving_a_standing_count_is_asked_about_and_one_jump_is_not(
+    period_s, way, ramp
+):
+    """20 N m more in every scan, above the bound of 15, is a speed loop; 300 N m at once is a wrong reading."""
+    parts, watch = lives(period_s)
+    scans = iter(range(10_000))
+
+    def stand() -> None:
+        scan = next(scans)
+        parts.feedback.torque_nm = way * (20.0 * scan if ramp else 300.0 * (scan > 2))
+        watch.stand(proven=True)
+
+    seconds = parts.after(stand, lambda: watch.dithers > 0, most_s=1.0)
+    # The count must have stood for 30 ms, three scans at least; else for the half second that anything may stand.
+    asked_s = max(0.030, 3 * period_s) if ramp else 0.5
+    assert seconds == approx(asked_s, abs=2.5 * period_s)
+
+
+@BOTH
+@PERIODS
 @pytest.mark.parametrize(("torque_nm", "frozen"), [(26.9, False), (27.1, True), (math.nan, True)])
 def test_a_count_that_stands_under_more_torque_than_moves_the_shaft_is_frozen(
     period_s, way, torque_nm, frozen

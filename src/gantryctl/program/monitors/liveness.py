@@ -43,9 +43,9 @@ class Liveness:
 
     __slots__ = (
         "_after", "_alarms", "_at", "_back", "_counts", "_counts_per_rad", "_feedback", "_half", "_holding",
-        "_patience", "_period_s", "_scan", "_slowest", "_still", "_stood_nm", "_torque_against_nm", "_torque_full_nm",
-        "_torque_nm", "_torque_scan", "_torque_scans", "_torque_still_nm", "_tries", "_unproven", "_vel", "dithers",
-        "vel_rad_s",
+        "_jumped", "_patience", "_period_s", "_scan", "_slowest", "_still", "_stood_nm", "_torque_against_nm",
+        "_torque_full_nm", "_torque_nm", "_torque_scan", "_torque_scans", "_torque_still_nm", "_tries", "_unproven",
+        "_vel", "dithers", "vel_rad_s",
     )  # fmt: skip
 
     def __init__(
@@ -71,6 +71,7 @@ class Liveness:
         self._scan = self._torque_scan = -2
         self._still = self._at = self._tries = self.dithers = 0
         self.vel_rad_s = self._vel = 0.0
+        self._jumped = False
 
     @property
     def answer_s(self) -> float:
@@ -111,13 +112,15 @@ class Liveness:
         self._scan = scan
         if feedback.counts == self._counts:
             self._still += feedback.periods
-            # A speed loop that adds up needs many scans for so much: all of it in one is the torque reading (DRV-14).
+            # One jump is a torque reading that has gone wrong (DRV-14). A speed loop that adds up goes on.
             change_nm = feedback.torque_nm - self._torque_nm
-            if abs(change_nm) > self._torque_still_nm:
+            jumps = abs(change_nm) > self._torque_still_nm
+            if jumps and not self._jumped:
                 self._stood_nm += change_nm
+            self._jumped = jumps
         else:
             self._counts, self._still, self._tries = feedback.counts, 0, 0
-            self._stood_nm = feedback.torque_nm
+            self._stood_nm, self._jumped = feedback.torque_nm, False
         self._torque_nm = feedback.torque_nm
 
     def _torque_leaves(self) -> bool:
