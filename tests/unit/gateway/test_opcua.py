@@ -4,41 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import Client, ua  # noqa: E402
-from asyncua.crypto.cert_gen import load_private_key  # noqa: E402
 from asyncua.crypto.security_policies import (  # noqa: E402
     SecurityPolicyAes128Sha256RsaOaep,
     SecurityPolicyAes256Sha256RsaPss,
 )
-from cryptography import x509  # noqa: E402
-from cryptography.hazmat.primitives.asymmetric import ec, rsa  # noqa: E402
-from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
-from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
 from gantryctl.gateway.opcua.server import POLICIES  # noqa: E402
-from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, _is_authority  # noqa: E402
 from gantryctl.service.protocol.tags import TAGS  # noqa: E402
 from gantryctl.service.supervisor.users import Users  # noqa: E402
-from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
+from support.opcua_bench import PASSWORD, Bench, Run  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    with sharing(tmp_path_factory.mktemp("opcua")) as made:
-        yield made
 
 
 SHOWN = {"axis_state": "continuous_motion", "pos_act_deg": 12.5, "power": True, "scan": 7, "machine": "m",
@@ -154,145 +137,6 @@ def test_a_session_ends_when_its_user_is_not_the_same_any_more(run: Run, change:
     run(check)
 
 
-async def refused(bench: Bench, key: str) -> bool:
-    try:
-        async with await bench.client(key=key):
-            return False
-    except (TimeoutError, ua.UaError, ConnectionError, OSError):
-        return True
-
-
-def test_the_trust_list_is_read_again_without_a_new_start(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        trusted = bench.root / "opcua" / "trusted"
-        assert await refused(bench, "stranger")
-        (trusted / "stranger.der").write_bytes((bench.root / "stranger.der").read_bytes())
-        await bench.listener.sweep()
-        assert not await refused(bench, "stranger")
-        (trusted / "broken.der").write_bytes(b"no certificate")
-        await bench.listener.sweep()  # it is left out
-        assert not await refused(bench, "stranger")
-        (trusted / "broken.der").unlink()
-        (trusted / "stranger.der").unlink()
-        await bench.listener.sweep()
-        assert await refused(bench, "stranger")
-        assert not await refused(bench, "client")
-
-    run(check)
-
-
-AUTHORITY = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "authority")])
-
-
-def of_client(
-    key: Any,
-    days: int,
-    authority: Any = None,
-    *,
-    begins: int = -10,
-    lacks: str = "",
-    purpose: x509.ObjectIdentifier = ExtendedKeyUsageOID.CLIENT_AUTH,
-) -> x509.Certificate:
-    """A client's certificate whose last and first day are so far away, signed by itself or by an authority.
-
-    Args:
-        lacks: one of the uses of its key that OPC UA asks for.
-    """
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "dated")])
-    uses = dict.fromkeys(
-        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment"), True
-    )
-    never = dict.fromkeys(
-        ("key_agreement", "key_cert_sign", "crl_sign", "encipher_only", "decipher_only"), False
-    )
-    now = datetime.now(UTC)
-    return (
-        x509.CertificateBuilder()
-        .subject_name(name)
-        .issuer_name(name if authority is None else AUTHORITY)
-        .public_key(key.public_key())
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now + timedelta(days=begins))
-        .not_valid_after(now + timedelta(days=days))
-        .add_extension(x509.SubjectAlternativeName([x509.UniformResourceIdentifier(CLIENT)]), critical=False)
-        .add_extension(
-            x509.KeyUsage(**{**uses, **never, **({lacks: False} if lacks else {})}), critical=False
-        )
-        .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .sign(authority or key, SHA256())
-    )
-
-
-def test_a_client_certificate_is_valid_from_its_first_day_to_its_last(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        key = await load_private_key(bench.root / "client.pem")
-        (bench.root / "dated.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        for begins, days, valid in ((-10, 1, True), (-10, -1, False), (1, 10, False)):
-            made = of_client(key, days, begins=begins).public_bytes(Encoding.DER)
-            (bench.root / "dated.der").write_bytes(made)
-            (bench.root / "opcua" / "trusted" / "dated.der").write_bytes(made)
-            await bench.listener.sweep()
-            assert await refused(bench, "dated") is not valid
-
-    run(check)
-
-
-def test_only_a_certificate_for_clients_is_taken(run: Run) -> None:
-    """OPC UA Part 6, section 6.2.2: four uses of the key, and the purpose of a client."""
-
-    async def check(bench: Bench) -> None:
-        key, trust = await load_private_key(bench.root / "client.pem"), bench.listener.wall.trust
-        wrong: list[dict[str, Any]] = [
-            {"lacks": "digital_signature"},
-            {"lacks": "content_commitment"},
-            {"lacks": "key_encipherment"},
-            {"lacks": "data_encipherment"},
-            {"purpose": ExtendedKeyUsageOID.SERVER_AUTH},
-        ]
-        made = [of_client(key, 5, **how).public_bytes(Encoding.DER) for how in ({}, *wrong)]
-        for number, data in enumerate(made):
-            (bench.trusted / f"{number}.der").write_bytes(data)
-        await bench.listener.sweep()
-        assert trust.judge(made[0])
-        for data in made[1:]:
-            with pytest.raises(NotTrusted, match="not for clients"):
-                trust.judge(data)
-
-    run(check)
-
-
-@pytest.mark.parametrize(
-    ("ca", "signs", "purpose", "authority"),
-    [
-        (True, True, None, True), (True, True, ExtendedKeyUsageOID.SERVER_AUTH, True),
-        (True, True, ExtendedKeyUsageOID.CLIENT_AUTH, False), (False, True, None, False), (True, False, None, False),
-        (None, True, None, False),
-    ],
-)  # fmt: skip
-def test_an_authority_issues_signs_and_is_no_client(
-    ca: bool | None, signs: bool, purpose: x509.ObjectIdentifier | None, authority: bool
-) -> None:
-    key, now = ec.generate_private_key(ec.SECP256R1()), datetime.now(UTC)
-    uses = dict.fromkeys(
-        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement"),
-        False,
-    )
-    made = (
-        x509.CertificateBuilder().subject_name(AUTHORITY).issuer_name(AUTHORITY).public_key(key.public_key())
-    )
-    made = made.serial_number(1).not_valid_before(now).not_valid_after(now + timedelta(days=1))
-    usage = x509.KeyUsage(
-        **uses, key_cert_sign=signs, crl_sign=True, encipher_only=False, decipher_only=False
-    )
-    made = made.add_extension(usage, critical=True)
-    if ca is not None:
-        made = made.add_extension(x509.BasicConstraints(ca=ca, path_length=None), critical=True)
-    if purpose is not None:
-        made = made.add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
-    assert _is_authority(made.sign(key, SHA256())) is authority
-
-
 def test_only_policies_that_sign_and_encrypt_are_offered(run: Run) -> None:
     async def check(bench: Bench) -> None:
         offered = await Client(bench.address).connect_and_get_server_endpoints()
@@ -390,74 +234,3 @@ def test_all_offered_policies_work_with_the_library_s_client(run: Run) -> None:
                 await client.unregister_nodes([node])
 
     run(check)
-
-
-def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        key = await load_private_key(bench.root / "client.pem")
-        authority = rsa.generate_private_key(65537, 2048)
-        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        signed = of_client(key, 5, authority).public_bytes(Encoding.DER)
-        (bench.root / "signed.der").write_bytes(signed)
-        assert await refused(bench, "signed")
-        (bench.trusted / "authority.pem").write_bytes(of_authority(authority).public_bytes(Encoding.PEM))
-        await bench.listener.sweep()
-        assert not await refused(bench, "signed")
-        assert await refused(bench, "stranger")
-
-    run(check)
-
-
-def test_a_file_of_the_list_that_is_written_over_is_read_again(tmp_path: Path) -> None:
-    told: list[str] = []
-    events: Any = SimpleNamespace(put=lambda kind, text: told.append(text))
-    listed = TrustList(tmp_path, events)
-    key = ec.generate_private_key(ec.SECP256R1())
-    one, other = (of_client(key, 5).public_bytes(Encoding.DER) for _ in range(2))
-    for certificate in (one, other):
-        (tmp_path / "trusted" / "client.new").write_bytes(certificate)
-        (tmp_path / "trusted" / "client.new").replace(tmp_path / "trusted" / "client.der")
-        assert listed.refresh()
-        assert not listed.refresh()
-        assert listed.judge(certificate).public_bytes(Encoding.DER) == certificate
-    with pytest.raises(NotTrusted, match="not in the trust list"):
-        listed.judge(one)
-    assert told == ["OPC UA: the trust list was read again, 1 certificates"]
-
-
-def test_an_authority_that_is_revoked_itself_speaks_for_nobody(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        key = await load_private_key(bench.root / "client.pem")
-        authority, now = rsa.generate_private_key(65537, 2048), datetime.now(UTC)
-        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        (bench.root / "signed.der").write_bytes(of_client(key, 5, authority).public_bytes(Encoding.DER))
-        own = of_authority(authority)
-        (bench.trusted / "authority.pem").write_bytes(own.public_bytes(Encoding.PEM))
-        await bench.listener.sweep()
-        assert not await refused(bench, "signed")
-        row = x509.RevokedCertificateBuilder().serial_number(own.serial_number).revocation_date(now).build()
-        made = x509.CertificateRevocationListBuilder().issuer_name(AUTHORITY).last_update(now)
-        made = made.next_update(now + timedelta(days=1)).add_revoked_certificate(row)
-        revoked = bench.trusted.with_name("revoked") / "list.der"
-        revoked.write_bytes(made.sign(authority, SHA256()).public_bytes(Encoding.DER))
-        await bench.listener.sweep()
-        assert await refused(bench, "signed")
-
-    run(check)
-
-
-def of_authority(key: Any) -> x509.Certificate:
-    """An authority's own certificate."""
-    now = datetime.now(UTC)
-    usage = dict.fromkeys(
-        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement"),
-        False,
-    )
-    builder = x509.CertificateBuilder().subject_name(AUTHORITY).issuer_name(AUTHORITY)
-    builder = builder.public_key(key.public_key()).serial_number(x509.random_serial_number())
-    builder = builder.not_valid_before(now - timedelta(days=10)).not_valid_after(now + timedelta(days=10))
-    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-    signs = x509.KeyUsage(
-        **usage, key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False
-    )
-    return builder.add_extension(signs, critical=True).sign(key, SHA256())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import tracemalloc
-from collections.abc import Iterator
 
 import pytest
 
@@ -15,7 +14,7 @@ from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E
 
 from gantryctl.gateway.opcua.reading import Bounded  # noqa: E402
 from support.fuzz.opcua import extension, literal  # noqa: E402
-from support.opcua_bench import CLIENT, Bench, Run, sharing  # noqa: E402
+from support.opcua_bench import CLIENT, Bench, Run  # noqa: E402
 from support.opcua_wire import Wire  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
@@ -28,12 +27,6 @@ NOTHING = struct.pack("<Bi", 0x80, MANY)  # a variant: an array of nulls, of whi
 DIMENSIONS = struct.pack("<BiBiii", 0xC1, 1, 1, 2, MANY, 1)  # one boolean, in a matrix of 400,000 x 1
 # A string of -4 bytes moves the reader back to its own length.
 BACKWARDS = struct.pack("<ii", MANY, -4)
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    with sharing(tmp_path_factory.mktemp("opcua")) as made:
-        yield made
 
 
 def with_header(request: object, extra: bytes) -> bytes:

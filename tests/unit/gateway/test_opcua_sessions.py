@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
 
 import pytest
 
@@ -13,17 +12,11 @@ from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E
 
 from gantryctl.gateway.opcua import services  # noqa: E402
 from gantryctl.gateway.opcua.channel import SESSIONS_MAX  # noqa: E402
-from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
+from support.opcua_bench import CLIENT, PASSWORD, Bench, Run  # noqa: E402
 from support.opcua_wire import password  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
 MODES = ua.MessageSecurityMode
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    with sharing(tmp_path_factory.mktemp("opcua")) as made:
-        yield made
 
 
 def test_a_client_that_comes_back_gets_in_again(run: Run) -> None:
@@ -117,5 +110,51 @@ def test_a_null_array_means_an_empty_one(run: Run) -> None:
             setattr(request.Parameters, name, None)
             assert b"\xff\xff\xff\xff" in struct_to_binary(request.Parameters)
             assert (await wire.ask(request))[0] == "Good", name
+
+    run(check)
+
+
+def test_nobody_takes_the_session_of_somebody_else(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        (bench.trusted / "stranger.der").write_bytes(bench.certificate("stranger"))
+        await bench.listener.sweep()
+        mine = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        assert len(mine.token.Identifier) == 32  # random bytes, no number that counts up
+        plain = await bench.open("None", MODES.None_, "")
+        other = await bench.open("Basic256Sha256", MODES.SignAndEncrypt, "stranger")
+        for wire, said in ((plain, "BadSecurityPolicyRejected"), (other, "BadSessionIdInvalid")):
+            wire.token, wire.server_nonce = mine.token, mine.server_nonce
+            assert await wire.activate(password("viewer", "wrong wrong wrong")) == said
+            assert await wire.activate(password("other", PASSWORD)) == said
+            assert (await wire.ask(ua.ReadRequest()))[0] == said
+        # Its own session does not open mine either, and mine goes on.
+        assert await other.create(bench.certificate("stranger"), CLIENT) == "Good"
+        assert await other.activate(password("other", PASSWORD)) == "Good"
+        assert (await other.ask(ua.ReadRequest(), mine.token))[0] == "BadSessionIdInvalid"
+        assert (await mine.ask(ua.ReadRequest()))[0] == "Good"
+        subscription = ua.CreateSubscriptionRequest()
+        subscription.Parameters.RequestedPublishingInterval = 1000.0
+        said, body = await mine.ask(subscription)
+        number = struct_from_binary(ua.CreateSubscriptionResult, body).SubscriptionId
+        delete = ua.DeleteSubscriptionsRequest()
+        delete.Parameters.SubscriptionIds = [number]
+        assert (await other.ask(delete))[0] == "BadSubscriptionIdInvalid"
+        transfer = ua.TransferSubscriptionsRequest()
+        transfer.Parameters.SubscriptionIds = [number]
+        assert (await other.ask(transfer))[0] == "BadServiceUnsupported"
+        assert (await mine.ask(delete))[0] == "Good"
+
+    run(check)
+
+
+def test_the_token_of_a_session_cannot_be_guessed(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        tokens = []
+        for _ in range(2):
+            wire = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+            tokens.append(wire.token.Identifier)
+        assert tokens[0] != tokens[1]
+        # Of 32 random bytes 30 are different; 16 or fewer in one of 10^12.
+        assert all(len(token) == 32 and len(set(token)) > 16 for token in tokens)
 
     run(check)

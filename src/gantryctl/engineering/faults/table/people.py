@@ -162,13 +162,22 @@ PEOPLE: Final = (
                 "test_a_trusted_client_reads_the_axis_and_can_change_nothing",
             ),
             *at(
-                "unit/gateway/test_opcua_attacks.py",
+                "unit/gateway/test_opcua_services.py",
                 "test_nothing_is_answered_otherwise_than_the_table_says",
-                "test_nobody_takes_the_session_of_somebody_else",
-                "test_taking_trust_away_ends_all_sessions_at_once",
-                "test_guessing_locks_the_guesser_out_and_nobody_else",
-                "test_answers_that_are_never_read_hold_no_place",
             ),
+            *at(
+                "unit/gateway/test_opcua_sessions.py",
+                "test_nobody_takes_the_session_of_somebody_else",
+            ),
+            *at(
+                "unit/gateway/test_opcua_trust.py",
+                "test_taking_trust_away_ends_all_sessions_at_once",
+            ),
+            *at(
+                "unit/gateway/test_opcua_login.py",
+                "test_guessing_locks_the_guesser_out_and_nobody_else",
+            ),
+            *at("unit/gateway/test_opcua_limits.py", "test_answers_that_are_never_read_hold_no_place"),
             *at("system/test_opcua_foreign.py", "test_node_opcua_reads_the_axis_and_can_change_nothing"),
         ),
     ),
@@ -186,10 +195,13 @@ PEOPLE: Final = (
                 "test_too_many_requests_are_refused_for_their_own_address_and_stop_is_not",
             ),
             *at(
-                "unit/gateway/test_server.py",
+                "unit/gateway/test_places.py",
                 "test_an_address_has_its_places_and_no_more",
                 "test_a_crowd_that_holds_connections_keeps_nobody_out",
-                "test_answers_that_are_never_read_are_given_up",
+            ),
+            *at("unit/gateway/test_slow_clients.py", "test_answers_that_are_never_read_are_given_up"),
+            *at(
+                "unit/gateway/test_odd_requests.py",
                 "test_requests_before_the_answer_to_the_last_one_are_not_taken",
             ),
             *at(

@@ -1,0 +1,328 @@
+"""OPC UA: which certificates open a channel, by the trust list and the lists of revoked ones."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+from asyncua import ua  # noqa: E402
+from asyncua.crypto.cert_gen import load_private_key  # noqa: E402
+from cryptography import x509  # noqa: E402
+from cryptography.hazmat.primitives.asymmetric import ec, rsa  # noqa: E402
+from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
+from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
+
+from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, _is_authority  # noqa: E402
+from support.opcua_bench import CLIENT, PASSWORD, Bench, Run  # noqa: E402
+from support.opcua_table import SECURE  # noqa: E402
+from support.opcua_wire import Refused, password  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
+MODES = ua.MessageSecurityMode
+
+
+async def refused(bench: Bench, key: str) -> bool:
+    try:
+        async with await bench.client(key=key):
+            return False
+    except (TimeoutError, ua.UaError, ConnectionError, OSError):
+        return True
+
+
+def test_the_trust_list_is_read_again_without_a_new_start(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        trusted = bench.root / "opcua" / "trusted"
+        assert await refused(bench, "stranger")
+        (trusted / "stranger.der").write_bytes((bench.root / "stranger.der").read_bytes())
+        await bench.listener.sweep()
+        assert not await refused(bench, "stranger")
+        (trusted / "broken.der").write_bytes(b"no certificate")
+        await bench.listener.sweep()  # it is left out
+        assert not await refused(bench, "stranger")
+        (trusted / "broken.der").unlink()
+        (trusted / "stranger.der").unlink()
+        await bench.listener.sweep()
+        assert await refused(bench, "stranger")
+        assert not await refused(bench, "client")
+
+    run(check)
+
+
+def test_a_file_of_the_list_that_is_written_over_is_read_again(tmp_path: Path) -> None:
+    told: list[str] = []
+    events: Any = SimpleNamespace(put=lambda kind, text: told.append(text))
+    listed = TrustList(tmp_path, events)
+    key = ec.generate_private_key(ec.SECP256R1())
+    one, other = (of_client(key, 5).public_bytes(Encoding.DER) for _ in range(2))
+    for certificate in (one, other):
+        (tmp_path / "trusted" / "client.new").write_bytes(certificate)
+        (tmp_path / "trusted" / "client.new").replace(tmp_path / "trusted" / "client.der")
+        assert listed.refresh()
+        assert not listed.refresh()
+        assert listed.judge(certificate).public_bytes(Encoding.DER) == certificate
+    with pytest.raises(NotTrusted, match="not in the trust list"):
+        listed.judge(one)
+    assert told == ["OPC UA: the trust list was read again, 1 certificates"]
+
+
+AUTHORITY = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "authority")])
+
+
+def of_client(
+    key: Any,
+    days: int,
+    authority: Any = None,
+    *,
+    begins: int = -10,
+    lacks: str = "",
+    purpose: x509.ObjectIdentifier = ExtendedKeyUsageOID.CLIENT_AUTH,
+) -> x509.Certificate:
+    """A client's certificate whose last and first day are so far away, signed by itself or by an authority.
+
+    Args:
+        lacks: one of the uses of its key that OPC UA asks for.
+    """
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "dated")])
+    uses = dict.fromkeys(
+        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment"), True
+    )
+    never = dict.fromkeys(
+        ("key_agreement", "key_cert_sign", "crl_sign", "encipher_only", "decipher_only"), False
+    )
+    now = datetime.now(UTC)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name if authority is None else AUTHORITY)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now + timedelta(days=begins))
+        .not_valid_after(now + timedelta(days=days))
+        .add_extension(x509.SubjectAlternativeName([x509.UniformResourceIdentifier(CLIENT)]), critical=False)
+        .add_extension(
+            x509.KeyUsage(**{**uses, **never, **({lacks: False} if lacks else {})}), critical=False
+        )
+        .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .sign(authority or key, SHA256())
+    )
+
+
+def test_a_client_certificate_is_valid_from_its_first_day_to_its_last(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        key = await load_private_key(bench.root / "client.pem")
+        (bench.root / "dated.pem").write_bytes((bench.root / "client.pem").read_bytes())
+        for begins, days, valid in ((-10, 1, True), (-10, -1, False), (1, 10, False)):
+            made = of_client(key, days, begins=begins).public_bytes(Encoding.DER)
+            (bench.root / "dated.der").write_bytes(made)
+            (bench.root / "opcua" / "trusted" / "dated.der").write_bytes(made)
+            await bench.listener.sweep()
+            assert await refused(bench, "dated") is not valid
+
+    run(check)
+
+
+def test_only_a_certificate_for_clients_is_taken(run: Run) -> None:
+    """OPC UA Part 6, section 6.2.2: four uses of the key, and the purpose of a client."""
+
+    async def check(bench: Bench) -> None:
+        key, trust = await load_private_key(bench.root / "client.pem"), bench.listener.wall.trust
+        wrong: list[dict[str, Any]] = [
+            {"lacks": "digital_signature"},
+            {"lacks": "content_commitment"},
+            {"lacks": "key_encipherment"},
+            {"lacks": "data_encipherment"},
+            {"purpose": ExtendedKeyUsageOID.SERVER_AUTH},
+        ]
+        made = [of_client(key, 5, **how).public_bytes(Encoding.DER) for how in ({}, *wrong)]
+        for number, data in enumerate(made):
+            (bench.trusted / f"{number}.der").write_bytes(data)
+        await bench.listener.sweep()
+        assert trust.judge(made[0])
+        for data in made[1:]:
+            with pytest.raises(NotTrusted, match="not for clients"):
+                trust.judge(data)
+
+    run(check)
+
+
+@pytest.mark.parametrize(
+    ("ca", "signs", "purpose", "authority"),
+    [
+        (True, True, None, True), (True, True, ExtendedKeyUsageOID.SERVER_AUTH, True),
+        (True, True, ExtendedKeyUsageOID.CLIENT_AUTH, False), (False, True, None, False), (True, False, None, False),
+        (None, True, None, False),
+    ],
+)  # fmt: skip
+def test_an_authority_issues_signs_and_is_no_client(
+    ca: bool | None, signs: bool, purpose: x509.ObjectIdentifier | None, authority: bool
+) -> None:
+    key, now = ec.generate_private_key(ec.SECP256R1()), datetime.now(UTC)
+    uses = dict.fromkeys(
+        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement"),
+        False,
+    )
+    made = (
+        x509.CertificateBuilder().subject_name(AUTHORITY).issuer_name(AUTHORITY).public_key(key.public_key())
+    )
+    made = made.serial_number(1).not_valid_before(now).not_valid_after(now + timedelta(days=1))
+    usage = x509.KeyUsage(
+        **uses, key_cert_sign=signs, crl_sign=True, encipher_only=False, decipher_only=False
+    )
+    made = made.add_extension(usage, critical=True)
+    if ca is not None:
+        made = made.add_extension(x509.BasicConstraints(ca=ca, path_length=None), critical=True)
+    if purpose is not None:
+        made = made.add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+    assert _is_authority(made.sign(key, SHA256())) is authority
+
+
+def of_authority(key: Any) -> x509.Certificate:
+    """An authority's own certificate."""
+    now = datetime.now(UTC)
+    usage = dict.fromkeys(
+        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement"),
+        False,
+    )
+    builder = x509.CertificateBuilder().subject_name(AUTHORITY).issuer_name(AUTHORITY)
+    builder = builder.public_key(key.public_key()).serial_number(x509.random_serial_number())
+    builder = builder.not_valid_before(now - timedelta(days=10)).not_valid_after(now + timedelta(days=10))
+    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    signs = x509.KeyUsage(
+        **usage, key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False
+    )
+    return builder.add_extension(signs, critical=True).sign(key, SHA256())
+
+
+def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        key = await load_private_key(bench.root / "client.pem")
+        authority = rsa.generate_private_key(65537, 2048)
+        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
+        signed = of_client(key, 5, authority).public_bytes(Encoding.DER)
+        (bench.root / "signed.der").write_bytes(signed)
+        assert await refused(bench, "signed")
+        (bench.trusted / "authority.pem").write_bytes(of_authority(authority).public_bytes(Encoding.PEM))
+        await bench.listener.sweep()
+        assert not await refused(bench, "signed")
+        assert await refused(bench, "stranger")
+
+    run(check)
+
+
+def test_an_authority_that_is_revoked_itself_speaks_for_nobody(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        key = await load_private_key(bench.root / "client.pem")
+        authority, now = rsa.generate_private_key(65537, 2048), datetime.now(UTC)
+        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
+        (bench.root / "signed.der").write_bytes(of_client(key, 5, authority).public_bytes(Encoding.DER))
+        own = of_authority(authority)
+        (bench.trusted / "authority.pem").write_bytes(own.public_bytes(Encoding.PEM))
+        await bench.listener.sweep()
+        assert not await refused(bench, "signed")
+        row = x509.RevokedCertificateBuilder().serial_number(own.serial_number).revocation_date(now).build()
+        made = x509.CertificateRevocationListBuilder().issuer_name(AUTHORITY).last_update(now)
+        made = made.next_update(now + timedelta(days=1)).add_revoked_certificate(row)
+        revoked = bench.trusted.with_name("revoked") / "list.der"
+        revoked.write_bytes(made.sign(authority, SHA256()).public_bytes(Encoding.DER))
+        await bench.listener.sweep()
+        assert await refused(bench, "signed")
+
+    run(check)
+
+
+def test_the_certificate_of_somebody_else_opens_no_session(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        # Certificates are public: a stranger names the trusted one in CreateSession.
+        with pytest.raises(Refused, match="BadSecurityChecksFailed"):
+            await bench.open("Basic256Sha256", MODES.SignAndEncrypt, "stranger")
+        assert "not in the trust list" in bench.texts()[-1]
+        (bench.trusted / "stranger.der").write_bytes(bench.certificate("stranger"))
+        await bench.listener.sweep()
+        wire = await bench.open("Basic256Sha256", MODES.SignAndEncrypt, "stranger")
+        assert await wire.create(bench.certificate("client"), CLIENT) == "BadCertificateInvalid"
+        assert await wire.create(bench.certificate("stranger"), "urn:another") == "BadCertificateUriInvalid"
+        # A refused CreateSession leaves nothing behind that could be activated.
+        assert await wire.activate(password("viewer", PASSWORD)) == "BadSessionIdInvalid"
+        assert await wire.create(bench.certificate("stranger"), CLIENT) == "Good"
+        assert (
+            await wire.activate(password("viewer", PASSWORD), signed=False)
+            == "BadApplicationSignatureInvalid"
+        )
+        assert (await wire.ask(ua.ReadRequest()))[0] == "BadSessionNotActivated"
+
+    run(check)
+
+
+def test_a_trusted_client_does_not_make_others_trusted(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        # The library's own certificates say that they are an authority.
+        issuer = x509.load_der_x509_certificate(bench.certificate("client"))
+        assert issuer.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+        stranger = x509.load_der_x509_certificate(bench.certificate("stranger"))
+        builder = x509.CertificateBuilder().subject_name(stranger.subject).issuer_name(issuer.subject)
+        builder = builder.public_key(stranger.public_key()).serial_number(7)
+        builder = builder.not_valid_before(stranger.not_valid_before_utc)
+        builder = builder.not_valid_after(stranger.not_valid_after_utc)
+        for extension in stranger.extensions:
+            builder = builder.add_extension(extension.value, extension.critical)
+        made = builder.sign(await load_private_key(bench.root / "client.pem"), SHA256())
+        (bench.root / "minted.der").write_bytes(made.public_bytes(Encoding.DER))
+        (bench.root / "minted.pem").write_bytes((bench.root / "stranger.pem").read_bytes())
+        with pytest.raises(Refused, match="BadSecurityChecksFailed"):
+            await bench.open("Basic256Sha256", MODES.SignAndEncrypt, "minted")
+
+    run(check)
+
+
+async def crl(bench: Bench) -> bytes:
+    """A list that revokes the client."""
+    certificate = x509.load_der_x509_certificate(bench.certificate("client"))
+    now = datetime.now(UTC)
+    row = (
+        x509.RevokedCertificateBuilder().serial_number(certificate.serial_number).revocation_date(now).build()
+    )
+    made = x509.CertificateRevocationListBuilder().issuer_name(certificate.subject).last_update(now)
+    made = made.next_update(now + timedelta(days=1)).add_revoked_certificate(row)
+    key = await load_private_key(bench.root / "client.pem")
+    return made.sign(key, SHA256()).public_bytes(Encoding.DER)
+
+
+@pytest.mark.parametrize("how", ["emptied", "revoked", "revocation list damaged"])
+def test_taking_trust_away_ends_all_sessions_at_once(run: Run, how: str) -> None:
+    async def check(bench: Bench) -> None:
+        wires = [await bench.session(policy, MODES.SignAndEncrypt) for policy in SECURE]
+        bench.texts()
+        if how == "emptied":
+            for file in bench.trusted.iterdir():
+                file.unlink()
+        else:
+            revoked = bench.trusted.with_name("revoked") / "list.der"
+            revoked.write_bytes(await crl(bench) if how == "revoked" else b"no list")
+        await bench.listener.sweep()
+        for wire in wires:
+            with pytest.raises((Refused, ConnectionError)):
+                await wire.ask(ua.ReadRequest())
+        assert sum("OPC UA session ended" in text for text in bench.texts()) == len(wires)
+        with pytest.raises(Refused, match="BadSecurityChecksFailed"):
+            await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
+
+    run(check)
+
+
+def test_a_list_that_is_empty_from_the_start_trusts_nobody(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        for file in bench.trusted.iterdir():
+            file.unlink()
+        await bench.listener.sweep()
+        assert not any(bench.trusted.iterdir())
+        with pytest.raises(Refused):
+            await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
+
+    run(check)
