@@ -47,6 +47,7 @@ class Wire:
 
     Attributes:
         token: of the session, sent with every request.
+        silence_ms: after this time without a request the session ends.
     """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -55,6 +56,7 @@ class Wire:
         self._number = 0
         self.token = ua.NodeId()
         self.nonce = self.server_nonce = b""
+        self.silence_ms = 0.0
 
     @classmethod
     async def connect(cls, port: int) -> Wire:
@@ -121,18 +123,19 @@ class Wire:
         nodeid_from_binary(body)
         return struct_from_binary(ua.ResponseHeader, body).ServiceResult.name, body
 
-    async def create(self, certificate: bytes, application: str) -> str:
-        """CreateSession; status."""
+    async def create(self, certificate: bytes, application: str, silence_ms: float = 60_000.0) -> str:
+        """CreateSession; status. The session is to live for `silence_ms` without a request."""
         request, self.nonce = ua.CreateSessionRequest(), os.urandom(32)
         wanted = request.Parameters
         wanted.ClientDescription.ApplicationUri = application
         wanted.ClientDescription.ApplicationType = ua.ApplicationType.Client
         wanted.ClientNonce, wanted.ClientCertificate = self.nonce, certificate or None
-        wanted.EndpointUrl, wanted.RequestedSessionTimeout = "opc.tcp://x/", 60_000.0
+        wanted.EndpointUrl, wanted.RequestedSessionTimeout = "opc.tcp://x/", silence_ms
         status, body = await self.ask(request, ua.NodeId())
         if status == "Good":
             found = struct_from_binary(ua.CreateSessionResult, body)
             self.token, self.server_nonce = found.AuthenticationToken, found.ServerNonce
+            self.silence_ms = found.RevisedSessionTimeout
         return status
 
     async def activate(self, identity: Any, *, signed: bool = True) -> str:

@@ -158,3 +158,15 @@ def test_the_token_of_a_session_cannot_be_guessed(run: Run) -> None:
         assert all(len(token) == 32 and len(set(token)) > 16 for token in tokens)
 
     run(check)
+
+
+def test_a_silent_session_lives_for_a_minute_at_the_most(run: Run) -> None:
+    """A client that is gone holds a place and what waits for it."""
+
+    async def check(bench: Bench) -> None:
+        wire = await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
+        for asked_ms, given_ms in ((30_000.0, 30_000.0), (60_000.0, 60_000.0), (3_600_000.0, 60_000.0)):
+            assert await wire.create(bench.certificate("client"), CLIENT, asked_ms) == "Good"
+            assert wire.silence_ms == given_ms
+
+    run(check)
