@@ -22,6 +22,7 @@ from gantryctl.operation.home_reference import (
 from gantryctl.operation.opening import new_machine
 from gantryctl.runtime import Retained
 
+approx = pytest.approx
 MACHINE = default_machine()
 FRESH = new_machine(MACHINE, 20.0)
 SCALE = FRESH.scale
@@ -87,6 +88,26 @@ def test_a_motion_while_off_is_judged_by_its_size(moved_deg: float, expected: Re
     assert verdict(moved_deg) is expected
 
 
+@pytest.mark.parametrize(
+    ("moved_deg", "verdict"),
+    [
+        *((sign * moved, verdict) for sign in (1.0, -1.0) for moved, verdict in (
+            (0.0499, RestVerdict.OK), (0.0501, RestVerdict.MOVED),
+            # 0.31469 deg are a turn of the motor; three are 0.94406.
+            (0.2646, RestVerdict.MOVED), (0.2648, RestVerdict.TURNS),
+            (0.3646, RestVerdict.TURNS), (0.3648, RestVerdict.MOVED),
+            (0.9940, RestVerdict.TURNS), (0.9960, RestVerdict.MOVED),
+            (0.9999, RestVerdict.MOVED), (1.0001, RestVerdict.NOT_VALID),
+        )),
+    ],
+)  # fmt: skip
+def test_a_way_while_off_is_judged_alike_both_ways(moved_deg: float, verdict: RestVerdict) -> None:
+    raw = (RAW + moved_deg / SCALE.deg_per_count) % SCALE.range_counts
+    reading = judge_reference(SCALE, raw, REST)
+    assert reading.moved_deg == approx(moved_deg, abs=1e-6)
+    assert reading.verdict is verdict
+
+
 @given(st.floats(-360.0, 360.0))
 def test_no_motion_above_the_limit_is_accepted_in_silence(moved_deg: float) -> None:
     reading = judge_reference(SCALE, reading_after(moved_deg), REST)
@@ -116,6 +137,16 @@ def test_an_angle_beyond_the_mechanical_stops_cannot_be_true() -> None:
     reading = judge_reference(SCALE, RAW, replace(REST, zero_offset_counts=shifted))
     assert reading.verdict is RestVerdict.NOT_VALID
     assert "beyond the mechanical stops" in why_not(reading)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize(("beyond_deg", "verdict"), [(-0.01, RestVerdict.OK), (0.01, RestVerdict.NOT_VALID)])
+def test_no_angle_beyond_a_stop_is_true(end: int, beyond_deg: float, verdict: RestVerdict) -> None:
+    angle = SCALE.stops_deg[end] + (beyond_deg if end else -beyond_deg)
+    zero = round(RAW - angle / SCALE.deg_per_count)
+    reading = judge_reference(SCALE, RAW, replace(REST, zero_offset_counts=zero))
+    assert reading.angle_deg == approx(angle, abs=1e-5)
+    assert reading.verdict is verdict
 
 
 # --- A10: lost turns --------------------------------------------------------------------------------------------------
@@ -162,6 +193,35 @@ def test_a_wrap_near_the_travel_is_refused(below: bool, distance_deg: float, fit
     assert reading.verdict is (RestVerdict.OK if fits else RestVerdict.WRAP)
     if not fits:
         assert why_not(reading).startswith("CFG-ENC-01 ·")
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize(("more_deg", "verdict"), [(0.01, RestVerdict.OK), (-0.01, RestVerdict.WRAP)])
+def test_each_margin_to_the_wrap_counts(below: bool, more_deg: float, verdict: RestVerdict) -> None:
+    margin = SCALE.wrap_margin_min_deg + more_deg
+    low_deg = SCALE.pos_min_deg - margin if below else None
+    zero_from_low = -low_deg if low_deg is not None else None
+    range_deg = SCALE.range_counts * SCALE.deg_per_count
+    zero_deg = zero_from_low if zero_from_low is not None else range_deg - SCALE.pos_max_deg - margin
+    zero = round(zero_deg / SCALE.deg_per_count)
+    raw = zero + 20.0 / SCALE.deg_per_count
+    kept = replace(REST, zero_offset_counts=zero, rest_position_counts=round(raw))
+    reading = judge_reference(SCALE, raw, kept)
+    assert reading.verdict is verdict
+    margins = (reading.margin_minus_deg, reading.margin_plus_deg)
+    assert min(each for each in margins if each is not None) == approx(margin, abs=1e-5)
+
+
+def test_margins_are_those_of_the_travel_wherever_0_deg_lies() -> None:
+    """From 100 to 300 deg: 0 deg lies 95 deg below the range, so that the travel begins 5 deg above its end."""
+    scale = SCALE._replace(pos_min_deg=100.0, pos_max_deg=300.0, stops_deg=(90.0, 310.0))
+    zero = round((5.0 - 100.0) / scale.deg_per_count) % scale.range_counts
+    raw = round(25.0 / scale.deg_per_count)
+    kept = replace(REST, zero_offset_counts=zero, rest_position_counts=raw)
+    reading = judge_reference(scale, raw, kept)
+    assert reading.angle_deg == approx(120.0, abs=1e-5)
+    range_deg = scale.range_counts * scale.deg_per_count
+    assert (reading.margin_minus_deg, reading.margin_plus_deg) == approx((5.0, range_deg - 205.0), abs=1e-5)
 
 
 @given(st.floats(-500.0, 500.0), st.integers(0, SCALE.range_counts - 1))

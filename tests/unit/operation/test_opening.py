@@ -7,14 +7,27 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.machine import default_machine
-from gantryctl.operation.opening import close_axis, keep_machine, new_machine, open_axis, read_only
+from gantryctl.operation import opening
+from gantryctl.operation.opening import (
+    close_axis,
+    keep_machine,
+    new_machine,
+    open_axis,
+    read_only,
+    retained_of_new_plant,
+)
 from gantryctl.operation.run_memory import RunEnd
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy
+from gantryctl.units import deg
 
-MACHINE = default_machine()
+from .kept_bench import MACHINE, NEW, kept_machine
+
+approx = pytest.approx
+FRESH = new_machine(MACHINE, 20.0)
+SCALE, REST = FRESH.scale, FRESH.retained
+RAW = FRESH.drive.read().pos_act_counts
 
 
 @pytest.fixture(autouse=True)
@@ -82,3 +95,66 @@ def test_the_axis_shows_the_angle_at_which_the_gantry_was_left() -> None:
             assert again.reading.angle_deg == pytest.approx(10.0, abs=0.005)
             assert (again.retained.power_ups, again.retained.moves) == (1, 2)
             assert again.retained.last_result == "done"
+
+
+@pytest.mark.parametrize(
+    ("stopped_by", "doubted_by", "cleared"),
+    [
+        ("CTL-03", "", ClearedBy.RESET),
+        ("CTL-03", "ENC-01", ClearedBy.SERVICE),
+        ("BRK-03", "", ClearedBy.SERVICE),
+    ],
+)
+def test_a_stop_of_an_earlier_run_is_reset_by_whom_it_is_for(
+    stopped_by: str, doubted_by: str, cleared: ClearedBy
+) -> None:
+    with kept_machine(error_stop=stopped_by, doubted_by=doubted_by) as store:
+        opened = open_axis(MACHINE, store)
+    assert [reason.cleared_by for reason in opened.reasons] == [cleared]
+    assert opened.program.axis.feedback.in_doubt is bool(doubted_by)
+
+
+@pytest.mark.parametrize("limit_deg_s", [2.5, 99.0])
+def test_the_lower_of_machine_file_and_ledger_is_the_highest_speed(
+    limit_deg_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opening, "speed_max_deg_s", lambda _: limit_deg_s)
+    with kept_machine() as store:
+        opened = open_axis(MACHINE, store)
+    assert opened.speed_max_deg_s == min(6.0, limit_deg_s)
+    assert deg(opened.program.axis.settings.speed.setting_max_rad_s) == approx(min(6.0, limit_deg_s))
+
+
+@pytest.mark.parametrize(
+    ("moved_deg", "noted"), [(0.0009, False), (0.0011, True), (-0.0011, True), (0.0499, True)]
+)
+def test_a_way_while_off_is_noted_from_a_thousandth_of_a_degree_on(moved_deg: float, noted: bool) -> None:
+    found = new_machine(MACHINE, 10.0)
+    assert found.retained.rest_position_counts is not None
+    rest = round(found.retained.rest_position_counts - moved_deg / SCALE.deg_per_count)
+    with kept_machine(rest_position_counts=rest) as store:
+        opened = open_axis(MACHINE, store)
+    assert any("ENC-09" in note for note in opened.notes) is noted
+    assert [alarm.code for alarm in opened.retained.alarms] == (["ENC-09"] if noted else [])
+    assert opened.reasons == ()
+
+
+def test_another_plant_has_another_torque_and_another_zero_and_the_counters_of_the_old() -> None:
+    old = replace(
+        REST, holding_torque_nm=12.0, torque_weights="[1.0]", calibration_watch="{}", power_ups=9, zero_offset_counts=5,
+        brake_failed="bore 10 N m",
+    )  # fmt: skip
+    new = retained_of_new_plant(
+        old, replace(NEW, zero_offset_counts=77, rest_position_counts=88, encoder_serial="B")
+    )
+    assert (new.holding_torque_nm, new.torque_weights, new.calibration_watch) == (None, "", "")
+    assert (new.zero_offset_counts, new.previous_offset_counts, new.rest_position_counts) == (77, 5, 88)
+    assert (new.power_ups, new.brake_failed, new.encoder_serial) == (9, "bore 10 N m", "B")
+
+
+@pytest.mark.parametrize("branch", [-1, 0, 1])
+def test_the_zero_lies_on_the_branch_of_the_reading(branch: int) -> None:
+    """The reading counts on over the wrap of the encoder's range; 20 deg from the zero is where it stands."""
+    found = FRESH._replace(feedback=FRESH.feedback._replace(pos_act_counts=RAW + branch * SCALE.range_counts))
+    zero = opening._zero_counts(found)
+    assert (RAW + branch * SCALE.range_counts - zero) * SCALE.deg_per_count == approx(20.0, abs=0.01)

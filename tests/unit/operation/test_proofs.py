@@ -1,0 +1,77 @@
+"""Proofs of commissioning: of which drive, nodes, configuration and restart they are; by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.image import DriveState, LinkHealth
+from gantryctl.operation.ledger.acceptance import proven_hash
+from gantryctl.operation.opening import new_machine
+from gantryctl.operation.proofs import (
+    CommissioningRecord,
+    SilentMasterProof,
+    why_in_fault,
+    why_not_commissioned,
+    why_silence_not_proven,
+)
+from gantryctl.program.alarms.reason import ClearedBy
+from gantryctl.program.alarms.words import Words
+
+from .kept_bench import MACHINE, REAL
+
+SCALE = new_machine(MACHINE, 20.0).scale
+RECORD = CommissioningRecord(
+    REAL.name, proven_hash(REAL), "A", "1.0", ("5 X", "6 Y"), "2026-01-01", "x", "", ("sign",), (), {}
+)
+
+
+@pytest.mark.parametrize(
+    ("record", "drive", "nodes", "words"),
+    [
+        (RECORD, "A", ("5 X", "6 Y"), None),
+        (None, "A", ("5 X", "6 Y"), Words.NO_RECORD),
+        (RECORD, "B", ("5 X", "6 Y"), Words.OTHER_DRIVE),
+        (RECORD, "A", ("5 X", "6 Z"), Words.OTHER_NODES),
+        (RECORD, "A", ("5 X",), Words.OTHER_NODES),
+        (replace(RECORD, proven_hash="other"), "A", ("5 X", "6 Y"), Words.CONFIGURATION_CHANGED),
+    ],
+)
+def test_a_record_is_of_one_drive_its_nodes_and_one_configuration(
+    record: Any, drive: str, nodes: Any, words: Any
+) -> None:
+    why = why_not_commissioned(REAL, record, drive, (), nodes)
+    assert (None if why is None else why.words) is words
+
+
+@pytest.mark.parametrize(
+    ("drive", "marker", "now", "words"),
+    [
+        ("A", 7, 7, None),
+        ("A", 7, 8, Words.RESTARTED_SINCE),
+        ("A", 7, None, Words.RESTARTED_SINCE),
+        ("A", None, None, None),
+        ("A", None, 8, None),
+        ("B", 7, 7, Words.SILENCE_NOT_PROVEN),
+        ("", None, None, Words.SILENCE_NOT_PROVEN),
+    ],
+)
+def test_a_proof_of_silence_is_of_one_drive_since_its_last_restart(
+    drive: str, marker: Any, now: Any, words: Any
+) -> None:
+    proof = SilentMasterProof(drive, marker, "2026-01-01")
+    why = why_silence_not_proven(proof, LinkHealth("A", restart_marker=now))
+    assert getattr(why, "words", why) is words
+
+
+@pytest.mark.parametrize("state", DriveState)
+def test_a_drive_that_was_in_fault_before_the_start_is_told(state: DriveState) -> None:
+    read = SimpleNamespace(state=state, error_code=0x8611)
+    drive: Any = SimpleNamespace(read=lambda: read, identity=lambda: SCALE.identity)
+    reason = why_in_fault(drive)
+    assert (reason is not None) is (state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE))
+    if reason is not None:
+        assert reason.cleared_by is ClearedBy.RESET

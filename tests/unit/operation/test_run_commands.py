@@ -1,0 +1,143 @@
+"""Each command of a run alone: how often it acts, in which direction, how long, and what refuses it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.operation.client import Ending, Stop
+from gantryctl.operation.run import AxisRun
+from gantryctl.program import Code
+from gantryctl.program.alarms.words import Words
+from gantryctl.units import deg
+
+from .kept_bench import IDEAL, kept_machine
+
+approx = pytest.approx
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+    return tmp_path
+
+
+def test_a_power_up_is_counted_once_and_a_power_down_ends_it() -> None:
+    with kept_machine(IDEAL, power_ups=3) as store:
+        run = AxisRun(IDEAL, store)
+        run.power_up()
+        run.power_up()
+        run.move(11.0, 6.0)
+        run.power_down()
+        assert run.axis.is_off
+        run.power_down()
+        run.move(12.0, 6.0)
+        run.close("done")
+        kept = store.load_retained()
+    assert kept is not None
+    assert (kept.power_ups, kept.moves) == (5, 2)
+
+
+def test_a_halt_is_one_halt_and_the_next_move_goes_on() -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.begin_move(50.0, 6.0)
+    run.follow(0.5)
+    run.halt()
+    assert run.axis.virtual.at_rest
+    # Half a second of its ramp, and back on it.
+    assert run.angle_deg < 5.0
+    assert not run.operator.command.halt
+    report = run.move(5.0, 6.0)
+    assert report.ending is Ending.DONE
+    assert report.end_deg == approx(5.0, abs=0.005)
+    run.close("done")
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_an_increment_is_one_increment_in_its_direction(forward: bool) -> None:
+    run = AxisRun(IDEAL)
+    for number in (1, 2):
+        report = run.increment(2.0, forward, 6.0)
+        assert report.ending is Ending.DONE
+        assert report.end_deg == approx((2.0 if forward else -2.0) * number, abs=0.005)
+    run.close("done")
+
+
+@pytest.mark.parametrize(("speed_deg_s", "refused"), [(1.0, False), (1.01, True)])
+def test_with_an_overdue_brake_nothing_is_asked_for_above_1_deg_s(speed_deg_s: float, refused: bool) -> None:
+    with kept_machine(IDEAL, brake_tested_at="2000-01-01T00:00:00Z") as store:
+        run = AxisRun(IDEAL, store)
+        assert run.brake_due.overdue
+        if refused:
+            with pytest.raises(CommandRefused, match="BRK-12"):
+                run.move(10.5, speed_deg_s)
+            assert run.axis.is_off
+        else:
+            assert run.move(10.5, speed_deg_s).done
+        run.close("done")
+
+
+@pytest.mark.parametrize("urgency", [Stop.RAMP, Stop.QUICK])
+def test_a_motion_that_was_stopped_is_told_as_that(urgency: Stop) -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.begin_move(50.0, 6.0)
+    run.stop = urgency
+    with pytest.raises(AlarmStop):
+        run.follow(2.0)
+    assert run.axis.virtual.at_rest
+    assert deg(run.axis.pos_act_rad) < 10.0
+    run.close("stopped")
+
+
+def test_a_key_that_is_refused_moves_nothing_and_is_told() -> None:
+    """BRK-06 forbids motion until it is reset."""
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.axis.alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=400.0)
+    with pytest.raises(CommandRefused, match="BRK-06 is active"):
+        run.jog(True, 6.0, 0.5)
+    assert run.angle_deg == approx(0.0, abs=1e-6)
+    assert not run.operator.command.forward or run.axis.motion.current is None
+    run.close("refused")
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_a_key_lasts_its_time_and_then_the_ramp(forward: bool) -> None:
+    """0.6 deg/s for 3 s are 1.8 deg, less 0.46 of the way up with 0.39 deg/s2; the ramp adds 0.09 and its ends 0.03."""
+    run = AxisRun(IDEAL)
+    report = run.jog(forward, 0.6, 3.0)
+    assert abs(report.end_deg) == approx(1.46, abs=0.03)
+    assert (report.end_deg > 0.0) is forward
+    assert report.done
+    assert (report.settled_s, report.asked_deg_s) == (None, None)
+    run.close("done")
+
+
+def test_a_failed_brake_refuses_every_run_but_its_test() -> None:
+    with kept_machine(IDEAL, brake_failed="bore 10 N m") as store:
+        with pytest.raises(CommandRefused, match="BRK-08"):
+            AxisRun(IDEAL, store)
+        run = AxisRun(IDEAL, store, brake_test=True)
+        report = run.test_brake()
+        assert report.done
+        assert report.level_nm == run.axis.brake_test.level_nm
+        assert report.moved_deg == approx(deg(run.axis.brake_test.moved_rad))
+        assert report.limit_deg == approx(0.02)
+        run.close("tested")
+        kept = store.load_retained()
+    assert kept is not None
+    assert kept.brake_failed == ""
+
+
+def test_an_observer_is_told_from_when_it_came_on() -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    seen: list[float] = []
+    run.observe(lambda snapshot: seen.append(snapshot.time_s))
+    run.follow(0.5)
+    assert len(seen) == 5
+    run.close("done")

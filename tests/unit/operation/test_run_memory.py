@@ -1,0 +1,86 @@
+"""What is kept of a run: its way, its counters, what stopped it; by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.errors import AlarmStop
+from gantryctl.operation.opening import new_machine
+from gantryctl.operation.run_memory import RunEnd, retained_after
+from gantryctl.program import Code
+from gantryctl.units import rad
+
+from .kept_bench import MACHINE, an_axis
+
+approx = pytest.approx
+FRESH = new_machine(MACHINE, 20.0)
+SCALE, REST = FRESH.scale, FRESH.retained
+RAW = FRESH.drive.read().pos_act_counts
+END = RunEnd("done", None, power_ups=2, moves=5, time_s=9.0)
+
+
+class Left:
+    """A drive that was left at a count."""
+
+    def __init__(self, counts: float) -> None:
+        self._counts = counts
+
+    def identity(self) -> Any:
+        return SCALE.identity
+
+    def read(self) -> Any:
+        return SimpleNamespace(pos_act_counts=self._counts)
+
+
+@pytest.mark.parametrize("way_deg", [90.0, -90.0])
+def test_the_way_between_two_rests_is_added_whatever_its_direction(way_deg: float) -> None:
+    counts = RAW + way_deg / SCALE.deg_per_count
+    before = replace(REST, travelled_rad=1.0, power_ups=10, moves=20)
+    after = retained_after(MACHINE, before, an_axis(MACHINE), Left(counts), END)
+    assert after.travelled_rad == approx(1.0 + math.pi / 2.0, rel=1e-9)
+    assert (after.power_ups, after.moves) == (12, 25)
+    assert after.rest_position_counts == int(counts) % SCALE.range_counts
+    assert after.last_result == "done"
+    nowhere = retained_after(
+        MACHINE, replace(before, rest_position_counts=None), an_axis(MACHINE), Left(counts), END
+    )
+    assert nowhere.travelled_rad == 1.0
+
+
+def test_what_stopped_the_axis_holds_it_and_is_kept_with_its_angle() -> None:
+    axis = an_axis()
+    axis.pos_act_rad = rad(30.0)
+    quiet = retained_after(MACHINE, REST, axis, Left(RAW), END)
+    assert (quiet.error_stop, quiet.alarms, quiet.doubted_by) == ("", (), "")
+    left = END._replace(alarm=AlarmStop("SYS-10 STOP · a test", Code.SYS_10))
+    held = retained_after(MACHINE, REST, axis, Left(RAW), left)
+    assert held.error_stop == "SYS-10"
+    assert (held.alarms[-1].code, held.alarms[-1].severity) == ("SYS-10", "STOP")
+    assert held.alarms[-1].pos_act_rad == approx(rad(30.0))
+    axis.feedback.in_doubt = True
+    held = retained_after(MACHINE, REST, axis, Left(RAW), left)
+    assert held.doubted_by == "SYS-10"
+    assert held.alarms[-1].pos_act_rad is None
+    assert (
+        retained_after(MACHINE, replace(REST, doubted_by="ENC-01"), axis, Left(RAW), left).doubted_by
+        == "ENC-01"
+    )
+    axis.alarms.raise_(Code.CTL_02, measured="a test")
+    first = retained_after(MACHINE, REST, axis, Left(RAW), left)
+    assert first.error_stop == "CTL-02", "the first alarm, not what followed from it"
+
+
+@pytest.mark.parametrize(("scan", "failed_before", "kept"), [(0, "x", 0), (1, "x", 1), (0, "", 1)])
+def test_a_failed_brake_of_an_earlier_run_is_not_written_down_again(
+    scan: int, failed_before: str, kept: int
+) -> None:
+    axis = an_axis()
+    axis.alarms.scan = scan
+    axis.alarms.raise_(Code.BRK_08, measured="a test")
+    after = retained_after(MACHINE, replace(REST, brake_failed=failed_before), axis, Left(RAW), END)
+    assert len(after.alarms) == kept
