@@ -3,23 +3,43 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.drives.simulated import SimDrive
-from gantryctl.image import OperatorCommand
-from gantryctl.machine import default_machine, with_values
+from gantryctl.errors import ConfigError
+from gantryctl.image import DriveIdentity, OperatorCommand
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
-from gantryctl.runtime import FixedOperator, RealClock, ScriptedOperator, VirtualClock
+from gantryctl.runtime import (
+    FixedOperator,
+    OverrunPolicy,
+    RealClock,
+    ScriptedOperator,
+    VirtualClock,
+)
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import deg, rad
-from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.engine import build_engine, build_program, recording_metadata
 from gantryctl.wiring.program import axis_settings, motion_limits, position_law, ramps_deg
 from gantryctl.wiring.simulator import delivered_zero_counts, drive_params, plant_params, sim_drive
 
 MACHINE = default_machine()
 IDEAL = with_values(MACHINE, {"drive.kind": "ideal"})
+BUS = load_machine(configs_folder() / "hust_can.toml")
+REAL = with_values(BUS, {"can.interface": "socketcan", "can.channel": "can0"})
+
+
+def drive(**values: Any) -> Any:
+    """An open drive, as far as an engine that is not run asks it."""
+    identity = DriveIdentity("drive", "SIM-0001", 524_288, 4096, error_texts={0x3210: "too high"})
+    return SimpleNamespace(
+        **{"identity": lambda: identity, "torque_preload": True, "reports_torque": True, "truth_source": None}
+        | values
+    )
 
 
 def test_the_ratio_and_the_count_are_those_of_the_paper() -> None:
@@ -106,6 +126,60 @@ def test_the_kind_of_drive_follows_the_file() -> None:
 def test_the_clock_is_virtual_unless_real_time_is_asked_for() -> None:
     assert isinstance(build_engine(IDEAL).clock, VirtualClock)
     assert isinstance(build_engine(IDEAL, real_time=True).clock, RealClock)
+
+
+@pytest.mark.parametrize(
+    ("machine", "asked", "paced", "policy"),
+    [
+        (IDEAL, False, False, OverrunPolicy.CONTINUE),
+        # A simulated plant waits for a late scan.
+        (IDEAL, True, True, OverrunPolicy.CONTINUE),
+        (BUS, False, False, OverrunPolicy.CONTINUE),
+        (BUS, True, True, OverrunPolicy.QUICK_STOP),
+        (REAL, False, True, OverrunPolicy.QUICK_STOP),
+    ],
+    ids=["ideal", "ideal by the clock", "virtual bus", "virtual bus by the clock", "real bus"],
+)
+def test_a_drive_that_goes_on_alone_is_paced_by_the_clock_and_stopped_when_scans_are_late(
+    machine: Machine, asked: bool, paced: bool, policy: OverrunPolicy
+) -> None:
+    made = drive()
+    program = build_program(machine, made, zero_counts=0.0)
+    engine = build_engine(machine, made, program, real_time=asked)
+    assert isinstance(engine.clock, RealClock if paced else VirtualClock)
+    assert engine.overrun_policy is policy
+
+
+def test_a_program_has_the_limits_of_its_drive() -> None:
+    program = build_program(
+        REAL, drive(torque_preload=False), zero_counts=0.0, holding_torque_nm=-7.0, speed_max_deg_s=2.5,
+        quick_dec_deg_s2=3.0,
+    )  # fmt: skip
+    axis, settings = program.axis, program.axis.settings
+    assert deg(settings.speed.setting_max_rad_s) == pytest.approx(2.5)
+    assert deg(settings.ramps.quick_dec_rad_s2) == pytest.approx(3.0)
+    assert (settings.power.torque_preload, settings.power.holding_torque_nm) == (False, -7.0)
+    assert settings.error_texts == {0x3210: "too high"}
+    # A zero at count 0 is a zero.
+    assert axis.zero_counts == 0.0
+    assert build_program(IDEAL, drive()).axis.zero_counts == 4096 * 4_194_304 // 2
+    assert build_program(IDEAL, drive()).axis.settings.error_texts == {}
+
+
+@pytest.mark.parametrize(("serial", "fits"), [("SIM-0001", True), ("SIM-0002", False)])
+def test_maps_of_another_encoder_move_no_axis(serial: str, fits: bool) -> None:
+    machine = load_machine(configs_folder() / "hust_improved.toml")
+    made = drive(identity=lambda: DriveIdentity("drive", serial, 4_194_304, 4096))
+    if fits:
+        build_program(machine, made, zero_counts=0.0)
+    else:
+        with pytest.raises(ConfigError, match=serial):
+            build_program(machine, made, zero_counts=0.0)
+
+
+def test_a_recording_says_whose_it_is_and_its_period() -> None:
+    found = recording_metadata(REAL)
+    assert (found["machine"], found["period_s"]) == ("hust_can", 0.004)
 
 
 def test_an_engine_stands_with_power_off_and_powers_up_when_told() -> None:
