@@ -1,0 +1,139 @@
+"""One scan of the operator: who has gone, then stops, then commands; and whose words count for what."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from gantryctl.program import AxisState
+from gantryctl.service.memory.memory import JournalState, Word
+from gantryctl.service.protocol.messages import to_record
+from gantryctl.service.protocol.roles import Role
+from support.service_bench import LEASE, Bench
+
+
+def replied(bench: Bench) -> dict[int, str]:
+    """Codes of the replies that came, by number of their message."""
+    found = {}
+    for ring in bench.replies:
+        while (record := ring.take()) is not None:
+            reply = json.loads(record)[1]
+            found[reply["seq"]] = reply["code"]
+    return found
+
+
+def test_a_stop_voids_a_move_of_its_own_scan() -> None:
+    """It comes first, whichever was put into the ring first: the move is of the epoch before."""
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    sent = bench.send(who, "move", target_deg=5.0)
+    stop = bench.send(bench.who(Role.VIEWER), "stop")
+    bench.scans(3)
+    found = replied(bench)
+    assert (found[sent], found[stop]) == ("SEC-03", "")
+    bench.scans(50)
+    assert bench.axis.state is AxisState.STANDSTILL
+    here = bench.axis.virtual.pos_ref_rad
+    bench.scans(2000)
+    assert bench.axis.virtual.pos_ref_rad == here
+
+
+def test_who_has_gone_does_not_keep_control_while_others_send() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.do(who, "take", over=False)
+    bench.send(bench.who(Role.VIEWER), "acknowledge", id=1)
+    assert bench.commands[0].put(to_record(who, {"type": "gone"}))
+    bench.scans(1)
+    assert bench.operator.authority.holder is None
+
+
+def test_the_end_of_a_page_lets_its_own_key_go_and_no_other() -> None:
+    bench = Bench()
+    bench.powered(bench.who())
+    bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
+    bench.hold(1.0)
+    assert bench.commands[0].put(to_record(bench.who(Role.VIEWER), {"type": "gone"}))
+    bench.scans(2)
+    assert bench.operator.hold.alive
+    assert bench.commands[0].put(to_record(bench.who(), {"type": "gone"}))
+    bench.scans(2)
+    assert not bench.operator.hold.alive
+    assert not bench.operator.levels.forward
+
+
+def test_what_service_may_reset_nobody_resets_after_it() -> None:
+    bench = Bench()
+    service, operator = bench.who(Role.SERVICE), bench.who()
+    bench.do(service, "take", over=False)
+    bench.words[Word.JOURNAL_STATE] = JournalState.LOCKED
+    bench.do(service, "arm", action="reset_locked")
+    bench.do(service, "reset")
+    assert bench.program.service
+    bench.words[Word.JOURNAL_STATE] = JournalState.OK
+    bench.do(service, "give")
+    bench.do(operator, "take", over=False)
+    bench.do(operator, "reset")
+    assert not bench.program.service
+
+
+def test_power_that_is_on_is_no_new_command() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "mode", mode="none")
+    for _ in range(2):
+        bench.do(who, "power", on=True)
+    assert bench.axis.state is AxisState.STANDSTILL
+
+
+def test_the_console_that_has_control_does_not_stop_itself() -> None:
+    bench = Bench()
+    console = bench.who(Role.SERVICE, place="local")
+    bench.powered(console)
+    bench.do(console, "move", target_deg=20.0)
+    bench.scans(1500)
+    epoch = bench.epoch
+    bench.do(console, "take", over=False)
+    assert bench.axis.state is AxisState.DISCRETE_MOTION
+    assert bench.epoch - epoch <= 1
+
+
+def test_who_only_asks_for_control_stops_nobody() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.scans(1500)
+    assert bench.refused(bench.who(client="another"), "take", over=True) == "SEC-08"
+    bench.scans(100)
+    assert bench.axis.state is AxisState.DISCRETE_MOTION
+
+
+def test_commands_of_several_people_in_one_scan_are_all_answered() -> None:
+    """Ten notes of one scan: eight are looked at in it, the others in the next."""
+    bench = Bench()
+    who = bench.who()
+    bench.do(who, "take", over=False)
+    replied(bench)
+    sent = [bench.send(who, "note", line=f"line {number}") for number in range(10)]
+    bench.scans(1)
+    assert len(set(sent) & set(replied(bench))) == 8
+    bench.scans(1)
+    assert len(set(sent) & set(replied(bench))) == 2
+
+
+def test_the_round_trip_is_that_of_the_holder() -> None:
+    """Who has no control says nothing of how old the commands of the holder are."""
+    bench = Bench()
+    who, other = bench.who(), bench.who(Role.VIEWER)
+    bench.do(who, "take", over=False)
+    trip = bench.operator.authority.round_trip
+    before = trip.shortest_s(bench.time_s)
+    bench.operator.situation(bench.time_s, other, bench.time_s - 0.0001)
+    assert trip.shortest_s(bench.time_s) == before
+    now = bench.operator.situation(bench.time_s, who, bench.time_s - 0.0001)
+    assert now.round_trip_s == pytest.approx(0.0001)
+    assert trip.shortest_s(bench.time_s) == pytest.approx(0.0001)
