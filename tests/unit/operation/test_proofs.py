@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gantryctl.image import DriveState, LinkHealth
+from gantryctl.operation import proofs
 from gantryctl.operation.ledger.acceptance import proven_hash
+from gantryctl.operation.ledger.rows import LedgerRow, Standing
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.proofs import (
     CommissioningRecord,
     SilentMasterProof,
+    ledger_notes,
+    ledger_reasons,
+    ledger_shown,
+    load_silent_master_proof,
+    store_silent_master_proof,
     why_in_fault,
     why_not_commissioned,
     why_silence_not_proven,
@@ -75,3 +83,46 @@ def test_a_drive_that_was_in_fault_before_the_start_is_told(state: DriveState) -
     assert (reason is not None) is (state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE))
     if reason is not None:
         assert reason.cleared_by is ClearedBy.RESET
+
+
+@pytest.mark.parametrize("marker", [7, None])
+def test_a_proof_of_silence_is_read_as_it_was_kept(marker: int | None, tmp_path: Path) -> None:
+    path = tmp_path / "silence.json"
+    assert load_silent_master_proof(path).drive == ""
+    store_silent_master_proof(path, "A", marker)
+    found = load_silent_master_proof(path)
+    assert (found.drive, found.restart_marker) == ("A", marker)
+    path.write_text("{")
+    assert load_silent_master_proof(path).drive == ""
+
+
+def row(standing: Standing, fastest: float | None = None) -> LedgerRow:
+    return LedgerRow(f"{standing.name} {fastest}", standing, "by", speed_max_deg_s=fastest)
+
+
+ROWS = (*map(row, Standing), row(Standing.PROVEN, 5.4))
+
+
+def test_what_persons_have_accepted_and_what_limits_the_speed_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a virtual drive nothing needs to be accepted."""
+    assert [note.split(":")[1].strip() for note in ledger_notes(REAL, ROWS)] == [
+        "ACCEPTED None",
+        "PROVEN 5.4",
+    ]
+    assert [note.split(":")[1].strip() for note in ledger_notes(MACHINE, ROWS)] == ["PROVEN 5.4"]
+    monkeypatch.setattr(proofs, "read_ledger", lambda *_: ROWS)
+    assert [line.split(":")[0] for line in ledger_shown(REAL, Path())] == [
+        "ACCEPTED None",
+        "LACKING None",
+        "PROVEN 5.4",
+    ]
+    assert ledger_shown(MACHINE, Path()) == ()
+
+
+def test_only_rows_that_are_too_slow_are_named_as_that() -> None:
+    rows = (row(Standing.PROVEN, 0.5), row(Standing.PROVEN, 5.4))
+    (reason,) = ledger_reasons(REAL, rows)
+    assert "PROVEN 0.5" in str(reason.values["lacks"])
+    assert "5.4" not in str(reason.values["lacks"])

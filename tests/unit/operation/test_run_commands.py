@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.operation.client import Ending, Stop
+from gantryctl.machine import with_values
+from gantryctl.operation.client import Ending, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.program import Code
 from gantryctl.program.alarms.words import Words
@@ -140,4 +141,60 @@ def test_an_observer_is_told_from_when_it_came_on() -> None:
     run.observe(lambda snapshot: seen.append(snapshot.time_s))
     run.follow(0.5)
     assert len(seen) == 5
+    run.close("done")
+
+
+def test_a_brake_test_is_asked_for_once() -> None:
+    with kept_machine(IDEAL, brake_tests=4) as store:
+        run = AxisRun(IDEAL, store)
+        assert run.test_brake().done
+        assert not run.operator.command.brake_test
+        run.follow(1.0)
+        assert not run.axis.brake_test.under_way
+        run.close("tested")
+        kept = store.load_retained()
+    assert kept is not None
+    assert kept.brake_tests == 5
+
+
+def test_a_brake_test_that_an_alarm_ends_is_kept_as_that() -> None:
+    def stop(snapshot: Snapshot) -> None:
+        if snapshot.time_s > 0.5:
+            run.stop = Stop.QUICK
+
+    with kept_machine(IDEAL) as store:
+        run = AxisRun(IDEAL, store, observer=stop)
+        with pytest.raises(AlarmStop, match="INT-06"):
+            run.test_brake()
+        run.close("stopped")
+        kept = store.load_retained()
+    assert kept is not None
+    assert (kept.brake_test_outcome, kept.error_stop) == ("aborted", "INT-06")
+
+
+def test_a_brake_test_tells_each_direction_by_its_own_torque() -> None:
+    run = AxisRun(IDEAL)
+    run.test_brake()
+    run.axis.brake_test.plus_nm, run.axis.brake_test.minus_nm = 71.0, -64.0
+    report = run.brake_test_report()
+    assert (report.plus_nm, report.minus_nm) == (71.0, -64.0)
+    run.close("tested")
+
+
+def test_power_down_takes_every_level_back() -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run._scans.command(forward=True, reverse=True, move=True)
+    run.power_down()
+    command = run.operator.command
+    assert not any((command.power, command.forward, command.reverse, command.move))
+    run.close("done")
+
+
+def test_a_move_of_minutes_is_waited_for() -> None:
+    """80 deg at 0.6 deg/s take 135 s."""
+    run = AxisRun(with_values(IDEAL, {"control.scan_period_ms": 10.0}))
+    report = run.move(80.0, 0.6)
+    assert report.ending is Ending.DONE
+    assert report.to_s - report.from_s == approx(135.0, abs=1.0)
     run.close("done")

@@ -84,3 +84,33 @@ def test_a_failed_brake_of_an_earlier_run_is_not_written_down_again(
     axis.alarms.raise_(Code.BRK_08, measured="a test")
     after = retained_after(MACHINE, replace(REST, brake_failed=failed_before), axis, Left(RAW), END)
     assert len(after.alarms) == kept
+
+
+def test_what_the_brake_took_in_stops_of_a_run_is_added() -> None:
+    axis = an_axis()
+    axis.power.wear.stops, axis.power.wear.energy_j = 2, 750.0
+    before = replace(REST, emergency_brake_stops=3, emergency_brake_energy_j=100.0)
+    after = retained_after(MACHINE, before, axis, Left(RAW), END)
+    assert (after.emergency_brake_stops, after.emergency_brake_energy_j) == (5, 850.0)
+
+
+def test_a_run_that_learned_nothing_leaves_what_was_learned() -> None:
+    before = replace(REST, torque_weights="[1.0, 2.0]", calibration_watch='{"found": {}}')
+    after = retained_after(MACHINE, before, an_axis(), Left(RAW), END)
+    assert (after.torque_weights, after.calibration_watch) == ("[1.0, 2.0]", '{"found": {}}')
+
+
+def test_a_warning_is_kept_as_a_warning() -> None:
+    axis = an_axis()
+    axis.alarms.raise_(Code.ENC_06)
+    axis.alarms.raise_(Code.CTL_02, measured="a test")
+    after = retained_after(MACHINE, REST, axis, Left(RAW), END)
+    assert [(alarm.code, alarm.severity) for alarm in after.alarms] == [
+        ("ENC-06", "WARNING"),
+        ("CTL-02", "STOP"),
+    ]
+
+
+def test_a_rest_lies_within_the_range_of_the_encoder() -> None:
+    after = retained_after(MACHINE, REST, an_axis(), Left(SCALE.range_counts + 7.0), END)
+    assert after.rest_position_counts == 7
