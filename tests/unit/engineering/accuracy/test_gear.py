@@ -9,11 +9,25 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gantryctl.engineering.accuracy.gear import GRADES, READING_DEG, GearModel, Wave, gear_study, waves_of
+from gantryctl.engineering.accuracy import gear
+from gantryctl.engineering.accuracy.gear import (
+    GRADES,
+    READING_DEG,
+    GearModel,
+    GearStudy,
+    Place,
+    Prediction,
+    Wave,
+    gear_study,
+    study_text,
+    waves_of,
+    worth_of_the_fit,
+)
 from gantryctl.engineering.accuracy.paper import PAPER_TABLE
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable, Layout, RowKey
 from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine
+from gantryctl.units import SIGNED
 from support.command_line import done
 
 MACHINE = default_machine()
@@ -67,6 +81,52 @@ def covered(tables: list[ErrorTable]) -> float:
         found = model.predict(np.array([place.row.base_deg == table.bases_deg[-1] for place in model.places]))
         inside, of = inside + found.covered, of + len(found.places)
     return inside / of
+
+
+def test_the_waves_of_the_reference_gear() -> None:
+    """60 um at 2.366 m are 25.36 urad; 90 urad behind a ring of 13 and 20 um at its pinion are 6.92 + 8.45."""
+    found = {wave.cycles: 1e6 * wave.amplitude_rad for wave in WAVES}
+    assert found == pytest.approx(
+        {
+            1.0: 25.36, 2.0: 13.52, 3.0: 9.30, 4.0: 7.19, 5.0: 5.49, 6.0: 4.65, 7.0: 3.80, 8.0: 3.38, 9.0: 2.96,
+            10.0: 2.54, 11.0: 2.11, 12.0: 2.11, 13.0: 15.38, 338.0: 3.38, 1144.0: 1.154, 2288.0: 3.077, 4576.0: 0.769,
+        },
+        abs=0.01,
+    )  # fmt: skip
+
+
+def test_the_moment_winds_up_gear_and_base_in_series(monkeypatch: pytest.MonkeyPatch) -> None:
+    """15 990 N m on 512 and 1 161 MN m/rad: 31.2 + 13.8 urad."""
+    seen: list[float] = []
+
+    class Seen(GearModel):
+        def __init__(self, table: ErrorTable, waves: tuple[Wave, ...], windup_rad: float) -> None:
+            seen.append(windup_rad)
+            super().__init__(table, waves, windup_rad)
+
+    monkeypatch.setattr(gear, "GearModel", Seen)
+    study = gear_study(PAPER_TABLE, MACHINE)
+    assert seen == pytest.approx([45.0e-6], abs=0.05e-6)
+    # Every row, and every base, from the others.
+    assert [{place.row for place in part.places} for part in study.by_base] == [
+        {row for row in PAPER_TABLE.rows if row.base_deg == base} for base in (90.0, 0.0, -90.0)
+    ]
+    assert [place.row for place in study.by_row.places[::4]] == list(PAPER_TABLE.rows)
+
+
+def test_what_a_fit_is_worth_in_a_sentence_and_what_lies_outside() -> None:
+    """Four chords of one base; intervals of 2, 4, 2 and 4 mdeg, 1.5 to either side in the mean; two are outside."""
+    row = RowKey(0.0, Direction.CCW)
+    low = np.array([-0.001, -0.002, -0.001, -0.002])
+    found = Prediction(
+        tuple(Place(row, d) for d in (5.0, 10.0, 15.0, 20.0)),
+        np.array([0.0005, 0.0025, -0.0015, -0.0005]), np.zeros(4), low, -low,
+    )  # fmt: skip
+    study = GearStudy("t", 0.5, found, (found,), {8.0: 0.25, 9.0: 0.75})
+    assert "2 of 4 then lie in their 95 % intervals, +-0.0015 deg" in worth_of_the_fit(study)
+    lines = study_text(study, SIGNED).splitlines()[2:6]
+    assert [line.endswith("outside") for line in lines] == [False, True, True, False]
+    assert "8: 25 %, 9: 75 %" in study_text(study, SIGNED)
 
 
 def test_the_evidence_is_the_density_of_the_table() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from gantryctl.engineering.accuracy.isocentre import isocentre, smallest_star
 from gantryctl.machine import default_machine, with_values
@@ -71,6 +72,38 @@ def test_a_track_lifts_its_ring_over_two_rollers() -> None:
         iso.shift_mm[ANGLES == 0.0][0, 0] / 5.0, abs=1e-12
     )
     assert iso.star_radius_mm > 0.01
+
+
+def test_the_second_number_of_a_track_is_three_waves() -> None:
+    """Rollers at 60 deg are 120 deg apart, a whole wave of three: the ring goes up and down by 2 x 100 um, x stays."""
+    changes = {"front_track_um": (0.0, 100.0), "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
+               "roller_angle_deg": 60.0, "nozzle_place": 0.0}  # fmt: skip
+    iso = found(changes)
+    assert np.max(np.abs(iso.shift_mm[:, 0])) < 1e-12
+    z = iso.shift_mm[:, 2]
+    # Of 45 deg of the wave, which are 15 deg of the axis, one step lies within 22.5 deg of its top.
+    assert 0.2 * math.cos(math.radians(22.5)) < np.max(np.abs(z)) <= 0.2 + 1e-12
+    # It repeats every 120 deg, eight steps of 15 deg.
+    assert z == pytest.approx(np.roll(z, 8), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_smallest_circle_is_that_of_a_linear_programme(seed: int) -> None:
+    """The least r with |u_t c - lateral| <= r for every line: three lines, or eight, at any angles."""
+    rng = np.random.default_rng(seed)
+    size = 3 if seed < 8 else 8
+    angle, lateral = rng.uniform(0.0, 2.0 * math.pi, size), rng.normal(size=size)
+    normal = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    ones = np.ones((size, 1))
+    least = linprog(
+        [0.0, 0.0, 1.0],
+        np.vstack([np.hstack([normal, -ones]), np.hstack([-normal, -ones])]),
+        np.concatenate([lateral, -lateral]),
+        bounds=[(None, None), (None, None), (0.0, None)],
+    )
+    centre, radius = smallest_star(angle, lateral)
+    assert radius == pytest.approx(least.fun, abs=1e-9)
+    assert np.max(np.abs(normal @ np.array(centre) - lateral)) == pytest.approx(radius, abs=1e-9)
 
 
 def test_the_smallest_circle_of_three_lines_is_the_one_inside_their_triangle() -> None:

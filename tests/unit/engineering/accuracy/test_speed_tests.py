@@ -1,10 +1,22 @@
-"""Speed tests of several machines side by side: the runs of each are those that it has alone."""
+"""Speed tests: their figures from a few rows by hand, how long they take, and several machines side by side."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from gantryctl.engineering.accuracy.speed_test import run_speed, speed_tests
+import numpy as np
+import pytest
+
+from gantryctl.engineering.accuracy.speed_test import (
+    _by_ring,
+    _evaluate,
+    _moves,
+    _Speeds,
+    run_speed,
+    speed_test_s,
+    speed_tests,
+)
+from gantryctl.engineering.accuracy.table import Direction
 from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine, with_values
 from support.improved import improved_machine
@@ -28,3 +40,74 @@ def test_machines_side_by_side_have_the_runs_of_each_alone() -> None:
             assert run.curves.load_deg_s is not None
             assert alone.curves.load_deg_s is not None
             assert np.array_equal(run.curves.load_deg_s, alone.curves.load_deg_s)
+
+
+def speeds(sign: float, ref: list[float], motor_less: list[float], load_less: list[float] | None) -> _Speeds:
+    """One way or the other, a row every half second; what motor and load lack of the set-point."""
+    set_point = np.array(ref)
+    load = None if load_less is None else sign * (set_point - load_less)
+    return _Speeds(0.5, sign * set_point, sign * (set_point - motor_less), load)
+
+
+REF = [0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_run_is_judged_by_its_rows(sign: int) -> None:
+    """Mean of the motor in the cruise: 2 - (0.03 - 0.01 + 0.01) / 3. Largest errors, wherever they are."""
+    motor_less, load_less = [0.0, -0.05, 0.03, -0.01, 0.01, 0.02, 0.0], [0.0, 0.1, 0.0, 0.3, 0.0, -0.4, 0.0]
+    found = _evaluate(
+        default_machine(), speeds(sign, REF, motor_less, load_less), (-sign * 2.0, sign * 2.0), 2.0
+    )
+    assert found.direction is (Direction.CCW if sign > 0 else Direction.CW)
+    assert found.reached_deg_s == pytest.approx(1.99)
+    assert (found.motor_error_deg_s, found.load_error_deg_s) == pytest.approx((0.05, 0.4))
+    assert not found.stick_slip
+    assert found.curves.time_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("lacks", "sticks"), [(1.89, False), (1.91, True), (2.5, True)])
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_load_below_a_twentieth_of_the_speed_has_stuck(
+    sign: int, lacks: float, sticks: bool, measured: bool
+) -> None:
+    """0.1 deg/s of 2, or backwards; without a second encoder the motor is all that can be seen."""
+    less = [0.0, 0.0, 0.0, lacks, 0.0, 0.0, 0.0]
+    sound = [0.0] * len(REF)
+    rows = speeds(sign, REF, sound, less) if measured else speeds(sign, REF, less, None)
+    found = _evaluate(default_machine(), rows, (-sign * 2.0, sign * 2.0), 2.0)
+    assert found.stick_slip is sticks
+    assert (found.load_error_deg_s is None) is not measured
+
+
+def test_without_a_cruise_the_top_of_the_profile_counts() -> None:
+    found = _evaluate(default_machine(), speeds(1.0, REF, [0.0] * 7, None), (-2.0, 2.0), 3.0)
+    assert found.reached_deg_s == pytest.approx(2.0)
+
+
+def test_the_speed_of_the_ring_is_its_way_over_40_ms() -> None:
+    """Half a t^2: the speed is t. Rows of 4 ms, five to either side; at the ends what there is of them."""
+    machine = with_values(
+        default_machine(),
+        {"drive.kind": "canopen", "control.scan_period_ms": 4.0, "can.load_encoder.source": "60E4"},
+    )
+    t = 0.004 * np.arange(101)
+    trace = {"pos_ring_rad": np.radians(0.5 * t**2)}
+    speed = _by_ring(machine, trace, 0.004)  # type: ignore[arg-type]
+    assert speed is not None
+    assert speed[5:-5] == pytest.approx(t[5:-5])
+    assert speed[[0, -1]] == pytest.approx([0.01, 0.39])
+    trace["pos_ring_rad"][50] = math.nan
+    assert _by_ring(machine, trace, 0.004) is None  # type: ignore[arg-type]
+    assert _by_ring(default_machine(), {}, 0.004) is None  # type: ignore[arg-type]
+
+
+def test_the_test_takes_both_ways_and_the_way_there() -> None:
+    """5 deg/s with 0.5 deg/s2: 50 deg of ramps and 75 of cruise, 125 / 5 + 10 s, 7 s of rest; there with 6 deg/s."""
+    machine = with_values(default_machine(), {"virtual_axis.acc_deg_s2": 0.5, "virtual_axis.dec_deg_s2": 0.5})
+    assert speed_test_s(machine, (5.0,)) == pytest.approx(2.0 * 42.0 + 125.0 / 6.0 + 6.0)
+    # 1 deg/s: 2 of ramps and 15 of cruise, 17 + 2 s.
+    both = speed_test_s(machine, (5.0, 1.0)) - speed_test_s(machine, (5.0,))
+    assert both == pytest.approx(2.0 * 26.0 + 17.0 / 6.0 + 6.0)
+    assert [move[1:] for move in _moves(machine, (5.0,))] == [(-62.5, 62.5, 5.0), (62.5, -62.5, 5.0)]

@@ -14,6 +14,7 @@ from gantryctl.engineering.accuracy.paper import (
 from gantryctl.engineering.accuracy.statistics import a_by_direction, accuracy_a, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable, RowKey, table_from_rows
 from gantryctl.errors import UsageError
+from gantryctl.machine import configs_folder
 
 
 def test_the_papers_table_gives_the_papers_figure() -> None:
@@ -27,6 +28,19 @@ def test_the_papers_table_gives_the_papers_figure() -> None:
     np.testing.assert_allclose(figures.mean_deg, PAPER_MEAN_DEG, atol=5e-5)
     # 5 deg recomputes to .00198; the paper prints .0019: inside the rounding of its rows
     np.testing.assert_allclose(figures.three_s_deg, PAPER_THREE_S_DEG, atol=1e-4)
+
+
+def test_the_papers_table_is_that_of_the_file_beside_the_examples() -> None:
+    """Both were typed from the print."""
+    lines = (configs_folder() / "examples" / "paper_table2.csv").read_text(encoding="utf-8").splitlines()[1:]
+    printed = {
+        (float(base), way, float(d)): float(error) for base, way, d, error in (x.split(",") for x in lines)
+    }
+    assert printed == {
+        (row.base_deg, row.direction.value, d): PAPER_TABLE.errors_deg[k, column]
+        for k, row in enumerate(PAPER_TABLE.rows)
+        for column, d in enumerate(PAPER_TABLE.displacements_deg)
+    }
 
 
 def test_directions_kept_apart_give_a_larger_figure() -> None:
