@@ -142,6 +142,18 @@ def test_what_is_refused_is_not_asked_again() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("periods", "scans"), [(1, 751), (5, 151)])
+def test_a_drive_that_never_answers_is_asked_for_3_s_and_no_longer(periods: int, scans: int) -> None:
+    """750 scans of 4 ms, those that were missed included: by then its own watch has stopped it."""
+    drive = Stop()
+    for _ in range(scans):
+        drive.stop.scan(0x00, 1, periods)
+    asked = len(drive.asked.writes)
+    assert asked == scans
+    drive.scan(0x00, scans=100)
+    assert len(drive.asked.writes) == asked
+
+
 @pytest.mark.parametrize("word", [0x06, 0x07, 0x0F, 0x80])
 def test_no_other_word_is_sent(word: int) -> None:
     drive = Stop(state=NmtState.STOPPED)

@@ -81,12 +81,30 @@ def test_what_a_drive_tells(inverted: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inverted", "data"), [(False, "0F 00 00 00 08 00 64 00"), (True, "0F 00 00 00 F8 FF 9C FF")]
-)
-def test_what_a_drive_is_told(inverted: bool, data: str) -> None:
+    ("inverted", "sign", "data"),
+    [
+        (False, 1, "0F 00 00 00 08 00 64 00"), (True, 1, "0F 00 00 00 F8 FF 9C FF"),
+        (False, -1, "0F 00 00 00 F8 FF 9C FF"), (True, -1, "0F 00 00 00 08 00 64 00"),
+    ],
+)  # fmt: skip
+def test_what_a_drive_is_told(inverted: bool, sign: int, data: str) -> None:
     bus = Telegrams(inverted=inverted)
-    bus.image.send(0x0F, math.tau, 25.7, 0)
+    bus.image.send(0x0F, sign * math.tau, sign * 25.7, 0)
     assert bus.wire.sent == [(0x202, data)]
+
+
+@pytest.mark.parametrize(
+    ("speed", "behind", "now"),
+    [("00 00 08 00", "31 08 08 00", "62 10 08 00"), ("00 00 F8 FF", "CF F7 07 00", "9E EF 07 00")],
+)
+def test_a_position_behind_a_missing_one_is_as_old_as_its_way_says(speed: str, behind: str, now: str) -> None:
+    """One turn a second, either way: 2097 increments a scan. A telegram that was held up comes in place of the next."""
+    for position, age in ((behind, 1), (now, 0)):
+        bus = Telegrams()
+        other = (0x282, f"{speed} 02 00 01 00")
+        bus.sync(BOTH[0], other)
+        bus.sync(other)
+        assert bus.sync((0x182, f"37 12 {position} 9C FF"), other).age == age
 
 
 def test_the_ends_of_the_numbers() -> None:

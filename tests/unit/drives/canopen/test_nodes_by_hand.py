@@ -1,0 +1,164 @@
+"""Nodes beside the drive by hand: contacts by SDO, telegrams against SDO, what is lost, the range of the ring."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gantryctl.drives.canopen import mapping as m
+from gantryctl.drives.canopen.nodes.bus_node import BusNode
+from gantryctl.drives.canopen.nodes.io_node import IoNode
+from gantryctl.drives.canopen.nodes.neighbours import Neighbours
+from gantryctl.drives.canopen.nodes.ring_encoder import RingEncoder
+from gantryctl.drives.canopen.settings import InputBits, IoNodeSettings, LoadEncoderSettings, OutputBits
+from gantryctl.errors import DeviceError
+from gantryctl.image import LinkFlag
+from unit.drives.canopen.test_set_up_by_hand import NOTHING, Dictionary, settings
+from unit.drives.canopen.wire import Wire, remote_node
+
+pytestmark = pytest.mark.can
+
+CONTACTS = NOTHING._replace(brake_open=9, watchdog_closed=10)
+RING = LoadEncoderSettings(4, 1 << 20, 0, inverted=False)
+
+
+def neighbours(**changes: object) -> Neighbours:
+    return Neighbours(remote_node(Wire()), settings(**changes), lambda: True)
+
+
+@pytest.mark.parametrize(
+    ("second", "brake", "watchdog"), [(0x00, False, False), (0x02, True, False), (0x04, False, True)]
+)
+def test_each_contact_at_the_node_is_asked_for_at_its_own_bit(
+    second: int, brake: bool, watchdog: bool
+) -> None:
+    """Inputs 9 and 10 are bits 1 and 2 of 6000:02."""
+    beside = neighbours(io=IoNodeSettings(3, CONTACTS, OutputBits()))
+    assert beside.io is not None
+    beside.io.node.remote.sdo = Dictionary({(0x6000, 1): 0xFF, (0x6000, 2): second}, {0x6000: 1})  # type: ignore[assignment]
+    assert (beside.ask_brake_contact(), beside.ask_watchdog_contact()) == (brake, watchdog)
+
+
+@pytest.mark.parametrize(
+    ("word", "brake", "watchdog"), [(1 << 16, True, False), (1 << 17, False, True), (None, None, None)]
+)
+def test_each_contact_at_the_drive_is_asked_for_at_its_own_bit(
+    word: int | None, brake: bool | None, watchdog: bool | None
+) -> None:
+    beside = neighbours(inputs=NOTHING._replace(brake_open=16, watchdog_closed=17))
+    beside._drive.sdo = Dictionary({} if word is None else {(0x60FD, 0): word})  # type: ignore[assignment]
+    assert (beside.ask_brake_contact(), beside.ask_watchdog_contact()) == (brake, watchdog)
+    nowhere = neighbours(inputs=InputBits())
+    nowhere._drive.sdo = beside._drive.sdo
+    assert (nowhere.ask_brake_contact(), nowhere.ask_watchdog_contact()) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("heard", "flags"),
+    [
+        ((0, 1), LinkFlag.NONE), ((1,), LinkFlag.IO_LOST), ((0,), LinkFlag.LOAD_ENCODER_LOST),
+        ((), LinkFlag.IO_LOST | LinkFlag.LOAD_ENCODER_LOST),
+    ],
+)  # fmt: skip
+def test_each_node_that_is_not_heard_has_a_flag_of_its_own(heard: tuple[int, ...], flags: LinkFlag) -> None:
+    beside = neighbours(io=IoNodeSettings(3, CONTACTS, OutputBits()), load_encoder=RING)
+    for number in heard:
+        beside.nodes[number].watch.data = b"\0"
+    assert beside.flags(commanded=True) == flags
+
+
+@pytest.mark.parametrize(("deadline_ms", "limit_s"), [(50, 0.05), (0, 0.15), (100, 0.15), (None, 0.15)])
+def test_outputs_fall_after_the_deadline_that_the_node_has_or_the_heartbeat(
+    deadline_ms: int | None, limit_s: float
+) -> None:
+    """1400:05 = 50 ms was written; a node that has another value, or none, misses the heartbeat after 150 ms."""
+    io = IoNode(
+        remote_node(Wire()),
+        settings(),
+        IoNodeSettings(3, CONTACTS, OutputBits(brake_release=0)),
+        lambda: True,
+    )
+    io.node.remote.sdo = Dictionary({} if deadline_ms is None else {(0x1400, 5): deadline_ms})  # type: ignore[assignment]
+    assert io.ask_silence_limit_s() == limit_s
+
+
+def two_bytes(noise: int = 0) -> BusNode:
+    """A node with a telegram of 6000:01 and 6000:02, which says 10h and 20h."""
+    telegram = m.Pdo(0, (m.Signal(0x6000, 1, 8, False), m.Signal(0x6000, 2, 8, False)))
+    node = BusNode(
+        remote_node(Wire()), settings(), "I/O", m.Mapping((), (telegram,)), (), lambda: True, noise
+    )
+    node.watch.data = b"\x10\x20"
+    return node
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "said"),
+    [
+        (0x10, 0x20, []), (0x10, 0x22, []), (0x10, 0x1E, []), (0x10, 0x23, ["6000:02 is 23h by SDO and 20h"]),
+        (0x10, 0x1D, ["6000:02 is 1Dh by SDO and 20h"]), (0x13, 0x20, ["6000:01 is 13h by SDO and 10h"]),
+        (0x20, 0x10, ["6000:01 is 20h by SDO and 10h", "6000:02 is 10h by SDO and 20h"]),
+    ],
+)  # fmt: skip
+def test_a_telegram_says_what_sdo_says_object_by_object(first: int, second: int, said: list[str]) -> None:
+    """Two steps of noise are no difference, up or down."""
+    node = two_bytes(noise=2)
+    node.remote.sdo = Dictionary({(0x6000, 1): first, (0x6000, 2): second}, {0x6000: 1})  # type: ignore[assignment]
+    assert [line.partition(" in its telegram")[0] for line in node.compare()] == said
+
+
+def test_a_node_that_says_nothing_is_compared_with_nothing() -> None:
+    node = two_bytes()
+    node.watch.data = None
+    with pytest.raises(DeviceError, match="does not answer SYNC"):
+        node.compare()
+
+
+def test_a_node_goes_on_after_a_silence_unless_it_has_restarted() -> None:
+    node = two_bytes()
+    node.remote.state, node.remote.heartbeat_age, node._flags, node.lost = (
+        0x7F,
+        99,
+        LinkFlag.NOT_OPERATIONAL,
+        True,
+    )
+    node.resume()
+    assert (node.remote.state, node.remote.heartbeat_age, node.lost, node.watch.data) == (
+        None,
+        0,
+        False,
+        None,
+    )
+    assert node.remote.link.sent == [(0x000, "01 02")]  # type: ignore[attr-defined]
+    node.watch.data = b"\x10\x20"
+    assert not node.judge(commanded=True)
+    node.remote.boots = 1
+    with pytest.raises(DeviceError, match="has restarted"):
+        node.resume()
+
+
+def ring(steps: int, turns: int) -> RingEncoder:
+    """An encoder of 2^20 steps in a turn of the axis that says it has so many steps and turns."""
+    encoder = RingEncoder(remote_node(Wire()), settings(load_encoder=RING), RING, lambda: True)
+    encoder.node.open = lambda: None  # type: ignore[method-assign]
+    encoder.node.remote.sdo = Dictionary({(0x6501, 0): steps, (0x6502, 0): turns})  # type: ignore[assignment]
+    encoder.open()
+    return encoder
+
+
+@pytest.mark.parametrize(
+    ("steps", "turns"), [(1 << 20, 0), (1 << 20, 1), (1 << 20, 16), (1 << 24, 1), (1 << 20, 1 << 12)]
+)
+def test_the_ring_goes_on_where_its_reading_begins_anew(steps: int, turns: int) -> None:
+    """Its last step, and then its first: one step of 360 / 2^20 deg further."""
+    angle, last = ring(steps, turns).angle, steps * max(turns, 1) - 1
+    angle.take(last, 1)
+    before = angle.after(0)
+    angle.take(0, 1)
+    assert math.degrees(angle.after(0) - before) == pytest.approx(360.0 / (1 << 20), rel=1e-6)
+
+
+def test_an_encoder_with_less_than_a_turn_is_refused() -> None:
+    with pytest.raises(DeviceError, match="the encoder has 1048575 steps"):
+        ring((1 << 20) - 1, 1)
