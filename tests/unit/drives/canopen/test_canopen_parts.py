@@ -200,6 +200,28 @@ def test_missed_late_and_wrong_telegrams_are_told_apart() -> None:
     assert (watch.wrong_length, watch.data, watch.age) == (1, b"ab", 1)
 
 
+def test_only_the_telegrams_of_the_last_30_ms_are_owed() -> None:
+    """Eight SYNCs of 4 ms and the one of this scan: what comes beyond them is of somebody else."""
+    watch = TpdoWatch(2, 0.004)
+    for _ in range(20):
+        watch.begin()
+    assert watch.behind == 8
+    contradicted = []
+    for number in range(11):
+        watch.take(bytes((number, 0)), in_time=True)
+        contradicted.append(watch.contradicted)
+    assert contradicted == [0] * 9 + [1, 2]
+
+
+def test_a_telegram_that_was_passed_over_is_owed_no_more() -> None:
+    watch = TpdoWatch(2, 0.004)
+    watch.begin()
+    watch.pass_over()
+    assert (watch.late, watch.contradicted) == (1, 0)
+    watch.take(b"ab", in_time=True)
+    assert watch.contradicted == 1
+
+
 # --- mapping ------------------------------------------------------------------------------------------------------
 
 OPTIONAL = (m.TORQUE_OFFSET, m.VELOCITY, m.TORQUE, m.INPUTS, m.ERROR)

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import pytest
 
+from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.setup.opening import read_restart_marker
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag, OutputImage
-from unit.drives.canopen.canopen_bench import ENABLE, SYNC_S, Bench
+from gantryctl.wiring.canopen import canopen_settings
+from unit.drives.canopen.canopen_bench import ENABLE, SYNC_S, Bench, machine
+from unit.drives.canopen.wire import Wire
 
 pytestmark = pytest.mark.can
 
@@ -150,6 +155,8 @@ def test_a_lost_drive_is_told_nothing_but_torque_off_and_shows_no_state(
     bench = Bench().open().enable()
     lose(bench)
     bench.run(0.2)
+    well: list[bool] = []
+    bench.drive.beside.send = lambda output, released, heard: well.append(heard)  # type: ignore[method-assign]
     sent = spied(bench)
     bench.inject("silence", False)
     for _ in range(100):
@@ -157,6 +164,8 @@ def test_a_lost_drive_is_told_nothing_but_torque_off_and_shows_no_state(
         # What it shows since is by SDO, and without torque.
         assert seen.state in (DriveState.UNKNOWN, DriveState.SWITCH_ON_DISABLED, DriveState.FAULT)
     assert set(commands(sent)) == {Command(0, 0, 0)}
+    # The watchdog gets no edge, and the drive no enable.
+    assert well == [False] * 100
 
 
 def test_in_the_proof_of_the_heartbeat_the_master_keeps_its_word_and_sends_none() -> None:
@@ -190,12 +199,20 @@ def test_a_missing_telegram_ages_what_it_carries(tpdo: int, ages: tuple[int, int
     bench.drive.close()
 
 
-@pytest.mark.parametrize(("bit", "limited"), [(0x0400, False), (0x0800, True), (0x1000, False)])
-def test_bit_11_is_the_limited_torque_and_only_while_there_is_torque(bit: int, limited: bool) -> None:
+@pytest.mark.parametrize(
+    ("bit", "limited", "warns"),
+    [(0x0080, False, True), (0x0400, False, False), (0x0800, True, False), (0x1000, False, False)],
+)
+def test_bit_11_is_the_limited_torque_and_only_while_there_is_torque(
+    bit: int, limited: bool, warns: bool
+) -> None:
+    """Bit 7 is a warning, with torque or without."""
     bench = Bench().open()
     bench.inject("status_set", value=bit)
-    assert not bench.run(0.02, DriveRequest.DISABLE).torque_limited
-    assert bench.run(0.4).torque_limited is limited
+    seen = bench.run(0.02, DriveRequest.DISABLE)
+    assert (seen.torque_limited, seen.warning) == (False, warns)
+    seen = bench.run(0.4)
+    assert (seen.torque_limited, seen.warning) == (limited, warns)
     bench.drive.close()
 
 
@@ -213,6 +230,31 @@ def test_bit_12_is_waited_for_at_every_enabling() -> None:
         bench.inject("status_clear", value=0)
         bench.run(0.6, DriveRequest.DISABLE)
     bench.drive.close()
+
+
+@pytest.mark.parametrize(
+    ("period_s", "stepped", "drain_s"),
+    [(0.010, False, 0.004), (0.004, False, 0.0016), (0.001, False, 0.001), (0.004, True, math.inf)],
+)
+def test_frames_that_wait_have_four_tenths_of_a_scan(period_s: float, stepped: bool, drain_s: float) -> None:
+    """1 ms at the least; a drive that is stepped waits, however long this computer was held up."""
+    wire = Wire()
+    wire.stepped = stepped
+    drive = CanopenDrive(wire, replace(canopen_settings(machine()), period_s=period_s))  # type: ignore[arg-type]
+    assert drive._drain_s == pytest.approx(drain_s)
+
+
+@pytest.mark.parametrize("flag", LinkFlag)
+def test_what_only_a_new_set_up_mends(flag: LinkFlag) -> None:
+    """A wrong mode, target or mapping is in the drive; load and delays of the bus go by."""
+    lasting = {
+        LinkFlag.RESTARTED, LinkFlag.NOT_OPERATIONAL, LinkFlag.HEARTBEAT_LOST, LinkFlag.OTHER_MASTER,
+        LinkFlag.TWO_SENDERS, LinkFlag.WRONG_MODE, LinkFlag.STALE_TARGET, LinkFlag.WRONG_LENGTH,
+    }  # fmt: skip
+    drive = object.__new__(CanopenDrive)
+    drive._flags = flag
+    drive.parameter_watch, drive.beside = SimpleNamespace(differs={}), SimpleNamespace(changed=False)  # type: ignore[assignment]
+    assert drive.lost is (flag in lasting)
 
 
 def test_a_parameter_that_has_changed_wants_a_new_set_up() -> None:

@@ -75,6 +75,16 @@ def test_a_drive_closes_its_brake_in_order_and_is_not_enabled_again() -> None:
     assert brake.word(0x0F, S.SWITCHED_ON, ON, True) == 0x0F
 
 
+def test_the_next_run_begins_with_torque_against_the_closed_brake() -> None:
+    """What ended the one before in order forbids nothing once the program has disabled the drive."""
+    brake = BrakeControl(settings(brake_owner="drive"))
+    brake.word(0x0F, ENABLED, ON, True)
+    assert brake.word(0x0F, ENABLED, ON, False) == 0x07
+    assert brake.word(0x0F, S.SWITCHED_ON, ON, False) == 0x07
+    assert brake.word(0x00, S.SWITCHED_ON, R.DISABLE, False) == 0x00
+    assert brake.word(0x0F, S.SWITCHED_ON, ON, False) == 0x0F
+
+
 def test_a_quick_stop_is_no_disable_operation() -> None:
     brake = BrakeControl(settings(brake_owner="drive"))
     brake.word(0x0F, ENABLED, ON, True)
@@ -295,6 +305,88 @@ def test_two_contradictions_within_three_scans_are_another_sender(gaps: tuple[in
         drive.process.contradicted += k in gaps
         seen |= drive.scan()
     assert bool(seen & LinkFlag.TWO_SENDERS) is told
+
+
+@pytest.mark.parametrize("state", [S.READY_TO_SWITCH_ON, S.SWITCHED_ON, ENABLED, S.QUICK_STOP_ACTIVE])
+def test_a_complaint_is_told_for_a_second(state: DriveState) -> None:
+    """From 30 ms on, eight scans of 4 ms, for 250 more."""
+    drive = Watched()
+    drive.scan(state)
+    drive.node.emergencies.take(bytes.fromhex("10 23 02"), 1)
+    flags = [drive.scan(state) for _ in range(300)]
+    assert [k for k, flag in enumerate(flags) if flag] == list(range(8, 8 + 251))
+    assert set(flags) == {LinkFlag.NONE, LinkFlag.EMERGENCY}
+    assert drive.watch.complaint == 0
+
+
+@pytest.mark.parametrize(("messages", "told"), [(10, False), (11, True)])
+def test_more_than_ten_messages_in_a_second_are_a_flood_until_the_next(messages: int, told: bool) -> None:
+    """Warnings, which are no complaint of their own; a second has 250 scans."""
+    drive = Watched()
+    drive.scan()
+    for _ in range(messages):
+        drive.node.emergencies.take(bytes.fromhex("20 81 10"), 1)
+    assert (drive.scan() == LinkFlag.EMERGENCY_FLOOD) is told
+    later = [drive.scan() for _ in range(260)]
+    assert later[-1] == LinkFlag.NONE
+    for _ in range(messages):
+        drive.node.emergencies.take(bytes.fromhex("20 81 10"), 1)
+    assert (drive.scan() == LinkFlag.EMERGENCY_FLOOD) is told
+
+
+def test_local_control_of_one_time_does_not_count_with_that_of_another() -> None:
+    drive = Watched()
+    for _ in range(5):
+        assert {drive.scan(status=0x1037) for _ in range(3)} == {LinkFlag.NONE}
+        assert drive.scan() == LinkFlag.NONE
+
+
+def test_what_was_contradicted_while_the_drive_was_set_up_is_no_second_sender() -> None:
+    drive = Watched()
+    drive.process.contradicted = 5
+    drive.watch.begin()
+    assert {drive.scan() for _ in range(5)} == {LinkFlag.NONE}
+
+
+@pytest.mark.parametrize(
+    ("congested", "told"),
+    [
+        ({1}, set()), ({1, 2}, {2}), ({1, 2, 3}, {*range(2, 11)}), ({1, 4, 10}, {10}), ({1, 4, 11}, set()),
+        ({1, 4, 7, 12}, {7, 8, 9, 10, 12, 13}),
+    ],
+)  # fmt: skip
+def test_frames_that_wait_before_two_scans_or_three_of_ten_are_too_many(
+    congested: set[int], told: set[int]
+) -> None:
+    drive, seen = Watched(), set()
+    for scan in range(1, 20):
+        drive.process.congested = scan in congested
+        if drive.scan() & LinkFlag.OVERLOADED:
+            seen.add(scan)
+    assert seen == told
+
+
+@pytest.mark.parametrize(("frames", "crowded"), [(85, False), (86, True)])
+def test_frames_of_others_crowd_the_bus_with_a_fifth_of_its_bits(frames: int, crowded: bool) -> None:
+    """Of 20 000 in 20 ms 4000 are 85.1 frames of 47 bits. Only those of the last five scans count."""
+    drive, seen = Watched(), []
+    for scan in range(1, 13):
+        # Between the measurements at scans 1, 6 and 11: some that a filter kept away, and some that were received.
+        if scan == 3:
+            drive.wire.traffic.filtered += frames - 30
+            drive.node.unknown += 30
+        drive.scan()
+        seen.append(drive.process.crowded)
+    assert seen == [False] * 5 + [crowded] * 5 + [False] * 2
+
+
+def test_the_load_of_scans_that_were_missed_is_spread_over_them() -> None:
+    """Nine tenths of the bus, and every now and then eleven scans at once."""
+    drive = Watched()
+    for gap in (1, 1, 1, 1, 1, 12, 1, 1, 1, 1, 12, 12):
+        drive.wire.traffic.bits += 3600 * gap
+        drive.now += gap - 1
+        assert drive.scan() == LinkFlag.NONE
 
 
 @pytest.mark.parametrize(("lengths", "told"), [(2, False), (3, True)])

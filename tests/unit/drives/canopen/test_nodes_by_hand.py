@@ -159,6 +159,13 @@ def test_the_ring_goes_on_where_its_reading_begins_anew(steps: int, turns: int) 
     assert math.degrees(angle.after(0) - before) == pytest.approx(360.0 / (1 << 20), rel=1e-6)
 
 
+def test_the_telegram_of_the_ring_is_position_and_alarms() -> None:
+    """6004 with 32 bits and 6503 with 16, as a mapping object has them."""
+    (telegram,) = ring(1 << 20, 1).node._mapping.tpdos
+    assert [signal.entry for signal in telegram.signals] == [0x6004_0020, 0x6503_0010]
+    assert (telegram.number, telegram.size) == (0, 6)
+
+
 def test_an_encoder_with_less_than_a_turn_is_refused() -> None:
     with pytest.raises(DeviceError, match="the encoder has 1048575 steps"):
         ring((1 << 20) - 1, 1)

@@ -10,7 +10,13 @@ from gantryctl.drives.canopen import mapping as m
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.drives.canopen.nodes.bus_node import BusNode, NodeObject
 from gantryctl.drives.canopen.nodes.io_node import IoNode
-from gantryctl.drives.canopen.settings import CanopenSettings, InputBits, IoNodeSettings, OutputBits
+from gantryctl.drives.canopen.settings import (
+    CanopenSettings,
+    InputBits,
+    IoNodeSettings,
+    OutputBits,
+    drive_identity,
+)
 from gantryctl.drives.canopen.setup import parameter_check as check
 from gantryctl.drives.canopen.setup.fault_reset import reset_fault
 from gantryctl.drives.canopen.setup.opening import (
@@ -22,6 +28,7 @@ from gantryctl.drives.canopen.setup.opening import (
 )
 from gantryctl.drives.canopen.setup.parameter_watch import ROUND_S, ParameterWatch
 from gantryctl.drives.canopen.setup.parameters import refuse_energised, restore
+from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveState
@@ -131,6 +138,75 @@ def test_a_parameter_that_is_otherwise_differs(place: Place) -> None:
     assert check.compare(parameter, None).verdict is check.ParameterVerdict.ABSENT
 
 
+@pytest.mark.parametrize(
+    ("rated", "ok"),
+    [
+        (257_000, True),
+        (128_500, True),
+        (128_499, False),
+        (385_500, True),
+        (385_501, False),
+        (0, False),
+        (257, False),
+    ],
+)
+def test_a_rated_torque_may_be_half_as_large_or_half_as_large_again(rated: int, ok: bool) -> None:
+    """257 N m in mN m; torque limit and torque reading are parts of it."""
+    assert check.compare(check.rated_torque(settings()), rated).verdict.refuses is not ok
+
+
+@pytest.mark.parametrize(("turns", "shown"), [(1, 1), (4096, 4096), (8192, 8192), (65_536, 8192)])
+def test_turns_that_32_bits_do_not_hold_are_not_on_the_bus(turns: int, shown: int) -> None:
+    """2^19 increments in a turn leave 2^13 turns."""
+    found = drive_identity(settings(turns=turns), "drive", "A-B-7")
+    assert (found.counts_per_turn, found.turns) == (524_288, shown)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "beats", "missed"), [(0.001, 50, 150), (0.004, 12, 38), (0.010, 5, 15), (0.1, 1, 2)]
+)
+def test_heartbeats_by_scans(period_s: float, beats: int, missed: int) -> None:
+    """Ours every 50 ms, the drive's within 150 ms; one a scan at the most, and two that are missed at the least."""
+    found = settings(period_s=period_s)
+    assert (found.heartbeat_scans, found.timeout_scans) == (beats, missed)
+
+
+V = check.ParameterVerdict
+
+
+@pytest.mark.parametrize(
+    ("place", "fact", "verdict", "after"),
+    [
+        # 6007 = 1 is written.
+        ((0x6007, 0), None, V.ABSENT, None), ((0x6007, 0), ObjectFact(True, False, 1), V.OK, 1),
+        ((0x6007, 0), ObjectFact(False, False, 1), V.OK, 1), ((0x6007, 0), ObjectFact(True, False, 0), V.DIFFERS, 1),
+        ((0x6007, 0), ObjectFact(False, False, 0), V.FIXED, 0),
+        ((0x6007, 0), ObjectFact(True, False, 0, high=0), V.FIXED, 0),
+        ((0x6007, 0), ObjectFact(True, False, 3, low=2), V.FIXED, 3),
+        ((0x6007, 0), ObjectFact(True, False), V.UNKNOWN, 1), ((0x6007, 0), ObjectFact(False, False), V.UNKNOWN, None),
+        # Speed ceiling of 1239 r/min, and torque limit: a value within the rounding stays.
+        ((0x6080, 0), ObjectFact(True, False, 1240), V.OK, 1240),
+        ((0x6080, 0), ObjectFact(True, False, 1241), V.DIFFERS, 1239),
+        # Increments and rated torque are only compared: the maker's tool writes them, so a default is no promise.
+        ((0x608F, 1), ObjectFact(True, False, 524_288), V.OK, None),
+        ((0x608F, 1), ObjectFact(True, False, 1), V.DIFFERS, None),
+        ((0x608F, 1), ObjectFact(False, False, 1), V.DIFFERS, 1),
+        ((0x6076, 0), ObjectFact(False, False, 1), V.DIFFERS, None),
+        # What modes a drive has nobody writes.
+        ((0x6502, 0), ObjectFact(True, False, 0xFF), V.DIFFERS, 0xFF),
+        ((0x6502, 0), ObjectFact(False, False, 0x1FF), V.OK, 0x1FF),
+    ],
+)  # fmt: skip
+def test_what_a_drive_has_and_what_its_set_up_leaves(
+    place: Place, fact: ObjectFact | None, verdict: check.ParameterVerdict, after: int | None
+) -> None:
+    facts = DriveFacts(1, 2, 3, 4, "", {} if fact is None else {place: fact})
+    (parameter,) = [p for p in wanted_of(settings(), None) if (p.obj, p.sub) == place]
+    (row,) = check.compare_parameters(facts, [parameter])
+    assert row.verdict is verdict
+    assert check.as_set_up(facts, [parameter]).value(*place) == after
+
+
 def test_what_a_drive_takes_no_value_for_is_known() -> None:
     """Cannot be written, and out of range, is never; not now, in this state, is no property of the drive."""
     parameters = wanted_of(settings(), None)
@@ -152,6 +228,20 @@ def test_every_parameter_is_read_again_in_a_round() -> None:
         watch.scan(1)
     assert asked.reads[: len(parameters)] == list(WANTED)
     assert len(parameters) <= len(asked.reads) <= len(parameters) + 1
+
+
+def test_the_code_of_a_fault_is_asked_for_once() -> None:
+    asked = Asked()
+    watch = ParameterWatch(asked, wanted_of(settings(), None), 0.004)  # type: ignore[arg-type]
+    for unknown in (False, True, True, True):
+        watch.scan(1, unknown)
+    assert asked.reads == [(0x603F, 0)]
+    asked.then(bytes.fromhex("10 23"))
+    assert watch.error_code == 0x2310
+    watch.scan(1, False)
+    assert watch.error_code == 0
+    watch.scan(1, True)
+    assert asked.reads == [(0x603F, 0)] * 2
 
 
 def test_a_difference_is_told_until_it_is_right_again_and_a_refusal_is_one() -> None:

@@ -1,0 +1,195 @@
+"""The link by hand: states of the controller of the bus, failures in a row, what comes back, bits on the wire."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import can
+import pytest
+
+from gantryctl.drives.canopen.bus.interface import Counted
+from gantryctl.drives.canopen.bus.link import BusLink, Frame
+from gantryctl.drives.canopen.bus.node import NmtCommand
+from gantryctl.image import LinkFlag
+from unit.drives.canopen.test_refusals_and_silence import Scripted, message
+from unit.drives.canopen.wire import Wire, remote_node
+
+pytestmark = pytest.mark.can
+
+# Classes of the error frames of SocketCAN, and states in their second byte (linux/can/error.h).
+CONTROLLER, BUS_OFF, RESTARTED = 0x04, 0x40, 0x100
+OVERFLOW, RX_WARNING, TX_WARNING, RX_PASSIVE, TX_PASSIVE, ACTIVE = 0x01, 0x04, 0x08, 0x10, 0x20, 0x40
+PASSIVE, OFF, WELL = LinkFlag.ERROR_PASSIVE, LinkFlag.BUS_OFF, LinkFlag.NONE
+
+
+def error(kind: int, state: int = 0) -> can.Message:
+    return message(kind, bytes((0, state, 0, 0, 0, 0, 0, 0)), is_error_frame=True)
+
+
+@pytest.mark.parametrize(
+    ("frames", "trouble", "passives", "bus_offs"),
+    [
+        ([error(CONTROLLER, RX_PASSIVE)], PASSIVE, 1, 0), ([error(CONTROLLER, TX_PASSIVE)], PASSIVE, 1, 0),
+        ([error(CONTROLLER, RX_WARNING)], WELL, 0, 0), ([error(CONTROLLER, TX_WARNING)], WELL, 0, 0),
+        ([error(CONTROLLER, RX_PASSIVE), error(CONTROLLER, TX_PASSIVE)], PASSIVE, 1, 0),
+        # A buffer that ran over is no state; a warning is one, and the one before has ended.
+        ([error(CONTROLLER, TX_PASSIVE), error(CONTROLLER, OVERFLOW)], PASSIVE, 1, 0),
+        ([error(CONTROLLER, TX_PASSIVE), error(CONTROLLER, RX_WARNING)], WELL, 1, 0),
+        ([error(CONTROLLER, TX_PASSIVE), error(CONTROLLER, ACTIVE)], WELL, 1, 0),
+        ([error(CONTROLLER, TX_PASSIVE), error(CONTROLLER, ACTIVE), error(CONTROLLER, RX_PASSIVE)], PASSIVE, 2, 0),
+        ([error(BUS_OFF)], OFF, 0, 1), ([error(BUS_OFF), error(BUS_OFF)], OFF, 0, 1),
+        ([error(CONTROLLER, TX_PASSIVE), error(BUS_OFF)], OFF | PASSIVE, 1, 1),
+        ([error(CONTROLLER, TX_PASSIVE), error(BUS_OFF), error(RESTARTED)], WELL, 1, 1),
+        ([error(BUS_OFF), message(0x182)], WELL, 0, 1), ([error(BUS_OFF), message(0x182), error(BUS_OFF)], OFF, 0, 2),
+        ([error(0x08, TX_PASSIVE)], WELL, 0, 0), ([message(CONTROLLER, b"\0", is_error_frame=True)], WELL, 0, 0),
+    ],
+)  # fmt: skip
+def test_the_controller_of_the_bus_tells_its_state(
+    frames: list[can.Message], trouble: LinkFlag, passives: int, bus_offs: int
+) -> None:
+    link = BusLink(Scripted(*frames))
+    for _ in frames:
+        link.receive(0.0)
+    assert (link.trouble, link.passives, link.bus_offs) == (trouble, passives, bus_offs)
+    # Of a controller that is bus-off the kernel still takes frames.
+    assert link.send(0x202, b"")
+    assert link.down is bool(trouble & OFF)
+    link.close()
+
+
+class Failing(Scripted):
+    """Takes the frames that it is told to take."""
+
+    def __init__(self, takes: str) -> None:
+        super().__init__()
+        self.takes = list(takes)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.takes.pop(0) == "-":
+            raise can.CanOperationError("no")
+
+
+@pytest.mark.parametrize(
+    ("takes", "down"), [("--+--", False), ("--+---", True), ("---+", False), ("++--", False)]
+)
+def test_three_failures_in_a_row_are_a_bus_that_is_down(takes: str, down: bool) -> None:
+    link = BusLink(Failing(takes))
+    for _ in takes:
+        link.send(0x202, b"")
+    assert (link.down, link.refused) == (down, takes.count("-"))
+    link.close()
+
+
+def test_only_a_sync_that_comes_back_was_sent() -> None:
+    bus = Scripted()
+    link = BusLink(bus, echoes=True)
+    for can_id in (0x080, 0x202, 0x080):
+        link.send(can_id, b"")
+    assert link.unseen == 2
+    for can_id, unseen in ((0x202, 2), (0x080, 0)):
+        bus.given = [message(can_id)]
+        assert link.receive(0.0) is None
+        assert link.unseen == unseen
+    link.close()
+    plain = BusLink(Scripted())
+    plain.send(0x080, b"")
+    assert plain.unseen == 0
+    plain.close()
+
+
+def test_bits_of_frames_sent_and_received() -> None:
+    """47 bits without data (ISO 11898-1, without stuff bits): 8 bytes 111, 2 bytes 63, and 47 of another format."""
+    link = BusLink(Scripted(message(0x182, b"ab"), message(0x12345, is_extended_id=True)))
+    link.send(0x202, bytes(8))
+    assert link.traffic.bits == 111
+    for _ in range(2):
+        link.receive(0.0)
+    assert link.traffic == (111 + 63 + 47, 0)
+    link.close()
+    assert link.traffic == (111 + 63 + 47, 0)
+
+
+class Interface:
+    """Counters of a network interface, in steps of 15 frames and 60 bytes."""
+
+    def __init__(self, *, counts_own: bool) -> None:
+        self.counts_own, self._reads = counts_own, 0
+
+    def read(self) -> Counted:
+        self._reads += 1
+        return Counted(10 + 15 * (self._reads - 1), 100 + 60 * (self._reads - 1))
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("counts_own", "bits", "others"), [(True, 1185, 11), (False, 1185 + 3 * 47, 14)])
+def test_frames_that_a_filter_keeps_away_are_those_of_others(
+    counts_own: bool, bits: int, others: int
+) -> None:
+    """15 frames with 60 bytes since the beginning, 15 x 47 + 8 x 60 bits: one of them was received, three are ours."""
+    counters: Any = Interface(counts_own=counts_own)
+    link = BusLink(Scripted(message(0x182, b"ab")), counters=counters)
+    for _ in range(3):
+        link.send(0x080, b"")
+    link.receive(0.0)
+    assert link.traffic == (bits, others)
+
+
+# --- frames of a node -------------------------------------------------------------------------------------------------
+
+
+def test_what_the_master_sends_to_all_and_to_its_node() -> None:
+    """CiA 301: SYNC at 080h, heartbeat of node 127 in OPERATIONAL, NMT at 0."""
+    wire = Wire()
+    node = remote_node(wire)
+    node.sync()
+    node.heartbeat()
+    for command in NmtCommand:
+        node.nmt(command)
+    assert wire.sent == [
+        (0x080, ""), (0x77F, "05"), (0x000, "01 02"), (0x000, "02 02"), (0x000, "80 02"), (0x000, "81 02"),
+        (0x000, "82 02"),
+    ]  # fmt: skip
+
+
+def test_an_emergency_message_is_kept_with_its_code_and_the_scan_in_which_it_came() -> None:
+    node = remote_node(Wire())
+    node.scan = 7
+    node.dispatch(Frame(0x082, bytes.fromhex("10 23 02 01 02 03 04 05")))
+    node.dispatch(Frame(0x083, bytes.fromhex("50 23 02 00 00 00 00 00")))  # of another node
+    (told,) = node.emergencies.messages
+    assert (told.scan, told.code, told.register, told.vendor.hex()) == (7, 0x2310, 2, "0102030405")
+    assert (node.emergencies.count, node.unknown) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("data", "state"), [("05", 0x05), ("85", 0x05), ("7F", 0x7F), ("FF", 0x7F), ("04", 0x04), ("", None)]
+)
+def test_a_heartbeat_is_a_sign_of_life_with_or_without_a_state(data: str, state: int | None) -> None:
+    """Bit 7 toggles in node guarding; some drives send heartbeats without data."""
+    node = remote_node(Wire())
+    node.heartbeat_age = 30
+    node.dispatch(Frame(0x702, bytes.fromhex(data)))
+    assert (node.heartbeat_age, node.state) == (0, state)
+
+
+def test_frames_that_could_not_be_read_in_time_are_left() -> None:
+    """The answer says whether none was left: behind them no telegram is believed."""
+    wire = Wire()
+    node = remote_node(wire)
+    wire.comes(0x123, "00", "00", "00")
+    assert node.drain()
+    wire.comes(0x123, *["00"] * 501)
+    assert not node.drain()
+    assert node.drain()
+    receive = wire.receive
+
+    def slow(timeout_s: float) -> Frame | None:
+        wire.time_s += 0.001
+        return receive(timeout_s)
+
+    wire.receive = slow  # type: ignore[method-assign]
+    wire.comes(0x123, *["00"] * 10)
+    assert not node.drain(0.0035)
+    assert len(wire.coming) == 6
