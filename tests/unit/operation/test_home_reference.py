@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 from hypothesis import given
@@ -237,3 +238,13 @@ def test_the_angle_is_the_same_from_every_branch() -> None:
         reading = judge_reference(SCALE, (RAW + turns * TURN) % SCALE.range_counts, REST)
         assert reading.angle_deg == pytest.approx(20.0, abs=0.01)
     assert math.isclose(SCALE.centred(SCALE.range_counts - 1), -1.0)
+
+
+def test_a_modulo_axis_has_no_margins_and_no_stops() -> None:
+    """At 250 deg beyond its zero, a place of its turn: 250 - 360."""
+    scale = SCALE._replace(axis_turn_counts=Fraction(1144 * TURN))
+    raw = (RAW + 230.0 / SCALE.deg_per_count) % SCALE.range_counts
+    reading = judge_reference(scale, raw, replace(REST, rest_position_counts=round(raw)))
+    assert (reading.margin_minus_deg, reading.margin_plus_deg) == (None, None)
+    assert reading.verdict is RestVerdict.OK
+    assert reading.angle_deg == pytest.approx(-110.0, abs=0.01)

@@ -10,14 +10,14 @@ import pytest
 from gantryctl.commissioning import Commissioning
 from gantryctl.drives.od.facts import ObjectFact
 from gantryctl.errors import CommandRefused
-from gantryctl.machine import with_values
+from gantryctl.machine import Machine, with_values
 from gantryctl.operation.ledger import Proofs, Standing
 from gantryctl.operation.ledger.acceptance import (
     ledger_path,
     store_acceptances,
 )
 from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
-from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unproven
+from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unproven, unset
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
 from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.operation.opening import new_machine
@@ -104,6 +104,51 @@ def test_bits_of_a_drive_without_digital_inputs_are_no_inputs(
     assert str(reason.values["lacks"]) == "; ".join(
         f"{name} (the drive has no 60FD)" for name in SAFETY_INPUTS
     )
+
+
+PERSON, FILE, NOBODY = "a person", "a key of the file", "nobody"
+TORQUE = with_values(REAL, {"can.torque_limit_in_drive_nm": 385.0})
+
+
+@pytest.mark.parametrize(
+    ("what", "objects", "machine", "proofs", "who"),
+    [
+        ("estop_ok", {}, without("estop_ok"), Proofs(), PERSON),
+        ("runs_csv", {"o60FF": None}, REAL, Proofs(), NOBODY),
+        ("maps_telegrams", {"o1600": None}, REAL, Proofs(), NOBODY),
+        ("stops_without_commands", {"o1016_1": None, "o1400_5": None}, REAL, Proofs(), NOBODY),
+        ("stops_without_commands", {}, REAL, Proofs(), "silence"),
+        ("limits_torque", {"o6072": 1000}, REAL, Proofs(), FILE),
+        ("limits_torque", {"o6072": None}, REAL, Proofs(), FILE),
+        ("limits_torque", {"o6072": None}, TORQUE, Proofs(), PERSON),
+        ("limits_torque", {"o6072": None}, TORQUE, Proofs(frozenset(), frozenset({"torque"})), "torque"),
+        ("limits_speed", {"o6080": 1140}, REAL, Proofs(), FILE),
+        ("ramps_quick_stop", {"o6085": None}, REAL, Proofs(), "ramp"),
+        ("ramps_quick_stop", {"o6085": None}, REAL, Proofs(frozenset(), frozenset({"ramp"})), "ramp"),
+        # Passed, and no figure of it was kept.
+        ("ramps_quick_stop", {"o6085": None}, REAL, Proofs(frozenset({"ramp"})), "ramp"),
+        ("keeps_brake", {}, REAL, Proofs(), "silence"),
+        ("keeps_brake", {}, REAL, Proofs(frozenset(), frozenset({"silence"})), "silence"),
+        ("knows_counts", {"o608F_1": 65536}, REAL, Proofs(), FILE),
+        ("knows_counts", {"o608F_1": None}, REAL, Proofs(), "sign"),
+        ("knows_counts", {"o608F_1": None}, REAL, ALL_PROVEN, PERSON),
+        ("knows_speed_unit", {"o60A9": 0x00B4_4700}, REAL, Proofs(), FILE),
+        ("knows_speed_unit", {"o60A9": None}, REAL, Proofs(), "sign"),
+    ],
+)
+def test_each_lack_is_for_one_to_end(
+    what: str, objects: dict[str, int | None], machine: Machine, proofs: Proofs, who: str
+) -> None:
+    """By a name, a key, a step of commissioning, or by nobody; and nobody else is told to."""
+    row = row_of(what, changed(FACTS, **objects), machine, proofs)
+    assert row.lacking
+    assert row.by == ""
+    assert (row.acceptable, row.by_file) == (who is PERSON, who is FILE)
+    assert row.proof == ("" if who in (PERSON, FILE, NOBODY) else who)
+    groups = (lacks, unset, impossible, unproven)
+    assert [bool(group([row])) for group in groups] == [
+        who is PERSON, who is FILE, who is NOBODY, bool(row.proof)
+    ]  # fmt: skip
 
 
 # --- a silent controller --------------------------------------------------------------------------------------
@@ -284,3 +329,22 @@ def test_fixed_telegrams_are_no_csv_axis() -> None:
     assert (row.standing, row.acceptable, row.proof) == (Standing.LACKING, False, "")
     event = {**FACTS.objects, (0x1400, 2): ObjectFact(False, False, 255)}
     assert "acts when it arrives" in str(row_of("maps_telegrams", replace(FACTS, objects=event)).detail)
+
+
+# --- a drive of whose fault nobody knows ------------------------------------------------------------------------------
+
+
+def test_of_a_fault_that_nobody_knows_the_longer_way_counts() -> None:
+    """Its ramp: 0.3 + 3.33 deg; torque off and brake: 0.3 + 3.07 deg. After 150 ms the ramp needs 5.8 deg/s, the brake
+    with 3.97 deg none.
+    """
+    row = row_of("stops_without_commands", changed(FACTS, o605E=None))
+    assert "50 ms, then its ramp or torque off and brake: 3.63 deg" in str(row.detail)
+    slow = with_values(REAL, {"can.heartbeat_alone_ms": 150.0})
+    row = row_of("stops_without_commands", changed(FACTS, o1400_5=None, o605E=None), slow)
+    assert row.speed_max_deg_s == 5.8
+
+
+def test_of_a_limit_that_no_pulse_has_shown_all_is_open() -> None:
+    row = row_of("limits_torque", changed(FACTS, o6072=None), TORQUE, Proofs())
+    assert "what lies above 0 N m is not shown" in str(row.detail)

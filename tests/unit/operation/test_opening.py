@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.machine import with_values
 from gantryctl.operation import opening
 from gantryctl.operation.opening import (
     close_axis,
@@ -158,3 +159,19 @@ def test_the_zero_lies_on_the_branch_of_the_reading(branch: int) -> None:
     found = FRESH._replace(feedback=FRESH.feedback._replace(pos_act_counts=RAW + branch * SCALE.range_counts))
     zero = opening._zero_counts(found)
     assert (RAW + branch * SCALE.range_counts - zero) * SCALE.deg_per_count == approx(20.0, abs=0.01)
+
+
+def test_what_earlier_runs_have_learned_is_given_to_the_axis() -> None:
+    with kept_machine(torque_weights="[1.0, 2.0, 3.0, 4.0, 5.0]") as store:
+        opened = open_axis(MACHINE, store)
+    assert opened.program.axis.torque_weights == (1.0, 2.0, 3.0, 4.0, 5.0)
+    assert opened.program.axis.holding_torque_nm == 0.0, "nothing was learned of the torque that holds"
+
+
+def test_an_experiment_runs_by_its_own_control() -> None:
+    other = with_values(MACHINE, {"virtual_axis.acc_deg_s2": 0.2, "speed.setting_max_deg_s": 5.0})
+    opened = open_axis(MACHINE, None, controlled_as=other)
+    settings = opened.program.axis.settings
+    assert deg(settings.ramps.acc_rad_s2) == approx(0.2)
+    assert deg(settings.speed.setting_max_rad_s) == approx(5.0)
+    assert opened.retained.machine == MACHINE.name

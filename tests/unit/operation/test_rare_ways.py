@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
-from gantryctl.image import DriveState, LinkHealth
+from gantryctl.image import DriveState, LinkHealth, OperatorCommand
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import bus_log, opening, proofs, state
 from gantryctl.operation import run as run_module
@@ -306,6 +307,35 @@ def test_work_beside_the_scan_ends_with_its_result_or_with_the_operator() -> Non
     assert run.while_standing(lambda: 7) == 7
     run.stop = Stop.RAMP
     assert run.while_standing(lambda: 8, finish=True) == 8
+    run.close("done")
+
+
+@pytest.mark.parametrize("finish", [True, False])
+@pytest.mark.parametrize("comes", ["stop", "alarm", "nothing"])
+def test_only_work_that_must_end_is_waited_for_whatever_comes(
+    comes: str, finish: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What comes comes in the third scan, the end of the work in the tenth."""
+    run, release = AxisRun(IDEAL, real_time=True), threading.Event()
+
+    def poll(_: float) -> OperatorCommand:
+        if run.engine.scan == 3 and comes == "stop":
+            run.stop = Stop.RAMP
+        if run.engine.scan == 3 and comes == "alarm":
+            run.axis.alarms.raise_(Code.CTL_02, measured="a test")
+        if run.engine.scan == 10:
+            release.set()
+        return run.operator.command
+
+    monkeypatch.setattr(run.operator, "poll", poll)
+    ended = finish or comes == "nothing"
+    if comes == "alarm":
+        with pytest.raises(AlarmStop, match="CTL-02"):
+            run.while_standing(lambda: release.wait(9.0), finish=finish)
+    else:
+        assert run.while_standing(lambda: release.wait(9.0), finish=finish) is (True if ended else None)
+    assert release.is_set() is ended
+    release.set()
     run.close("done")
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.machine import with_values
+from gantryctl.machine import default_machine, with_values
 from gantryctl.operation.client import Ending, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.program import Code
@@ -178,6 +179,7 @@ def test_a_brake_test_tells_each_direction_by_its_own_torque() -> None:
     run.axis.brake_test.plus_nm, run.axis.brake_test.minus_nm = 71.0, -64.0
     report = run.brake_test_report()
     assert (report.plus_nm, report.minus_nm) == (71.0, -64.0)
+    assert report.text == "brake test passed"
     run.close("tested")
 
 
@@ -197,4 +199,27 @@ def test_a_move_of_minutes_is_waited_for() -> None:
     report = run.move(80.0, 0.6)
     assert report.ending is Ending.DONE
     assert report.to_s - report.from_s == approx(135.0, abs=1.0)
+    run.close("done")
+
+
+def test_a_halt_that_an_alarm_overtakes_is_told_as_that() -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.begin_move(50.0, 6.0)
+    run.follow(0.5)
+    run.axis.alarms.raise_(Code.CTL_02, measured="a test")
+    with pytest.raises(AlarmStop, match="CTL-02"):
+        run.halt()
+    run.close("stopped")
+
+
+def test_a_refusal_of_power_is_of_the_power_up_that_it_refused() -> None:
+    run = AxisRun(with_values(default_machine(), {"control.scan_period_ms": 4.0}))
+    assert isinstance(run.drive, SimDrive)
+    run.drive.faults.mains_ready = False
+    with pytest.raises(CommandRefused, match="mains are not ready"):
+        run.power_up()
+    run.power_down()
+    run.drive.faults.mains_ready = True
+    assert run.move(0.5, 6.0).done
     run.close("done")

@@ -11,11 +11,12 @@ import pytest
 
 from gantryctl.errors import AlarmStop
 from gantryctl.operation.opening import new_machine
-from gantryctl.operation.run_memory import RunEnd, retained_after
+from gantryctl.operation.run_memory import RunEnd, RunMemory, retained_after
 from gantryctl.program import Code
+from gantryctl.runtime import Retained
 from gantryctl.units import rad
 
-from .kept_bench import MACHINE, an_axis
+from .kept_bench import MACHINE, REAL, an_axis
 
 approx = pytest.approx
 FRESH = new_machine(MACHINE, 20.0)
@@ -114,3 +115,23 @@ def test_a_warning_is_kept_as_a_warning() -> None:
 def test_a_rest_lies_within_the_range_of_the_encoder() -> None:
     after = retained_after(MACHINE, REST, an_axis(), Left(SCALE.range_counts + 7.0), END)
     assert after.rest_position_counts == 7
+
+
+@pytest.mark.parametrize(("pos_rad", "kept"), [(0.25, 0.25), (math.nan, None), (math.inf, None)])
+def test_an_alarm_is_kept_with_the_angle_where_it_was_known(pos_rad: float, kept: float | None) -> None:
+    axis = an_axis()
+    axis.alarms.pos_rad = pos_rad
+    axis.alarms.raise_(Code.CTL_02, measured="a test")
+    (alarm,) = retained_after(MACHINE, REST, axis, Left(RAW), END).alarms
+    assert alarm.pos_act_rad == kept
+
+
+def test_a_linear_axis_on_a_bus_keeps_its_rest_also_under_power() -> None:
+    """Between its ends the encoder does not wrap: the reading tells how far it went meanwhile."""
+    axis, kept = an_axis(REAL), list[Retained]()
+    store: Any = SimpleNamespace(store_retained=kept.append)
+    RunMemory(REAL, axis, REST, store).forget_rest()
+    assert kept == []
+    axis.power.switch_on()
+    assert not axis.is_off
+    assert retained_after(REAL, REST, axis, Left(RAW), END).rest_position_counts == int(RAW)

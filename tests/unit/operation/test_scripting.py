@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import sys
+from pathlib import Path
+
 import pytest
 
 import gantryctl
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.machine import with_values
+from gantryctl.operation.scripting import load_program
 
 
 def test_a_move_returns_summary_and_trace() -> None:
@@ -67,3 +72,36 @@ def test_what_scripts_get_shows_itself_in_a_notebook() -> None:
 def test_an_engine_without_a_recording_in_memory_says_how_to_get_one() -> None:
     with pytest.raises(UsageError, match="recorder=MemoryRecorder"):
         gantryctl.build_engine(gantryctl.default_machine()).trace()
+
+
+def test_without_a_name_the_program_is_the_shipped_one() -> None:
+    assert load_program(None) is gantryctl.GantryProgram
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("mine.py", "write FILE:CLASS"),
+        ("mine.py:1", "write FILE:CLASS"),
+        ("other.py:Mine", "there is no file"),
+        ("mine.txt:Mine", "is not a Python file"),
+        ("broken.py:Mine", "cannot be run: ZeroDivisionError"),
+        ("leaves.py:Mine", "cannot be run: SystemExit"),
+        ("mine.py:Nothing", "has no class Nothing derived from gantryctl.AxisProgram"),
+        ("mine.py:NUMBER", "has no class NUMBER derived"),
+        ("mine.py:Plain", "has no class Plain derived"),
+    ],
+)
+def test_what_is_no_program_is_refused_with_the_reason(
+    name: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = "from gantryctl import AxisProgram\nNUMBER = 1\nclass Plain: pass\nclass Mine(AxisProgram): pass\n"
+    for file in ("mine.py", "mine.txt"):
+        Path(file).write_text(text, encoding="utf-8")
+    Path("broken.py").write_text("1 / 0\n", encoding="utf-8")
+    Path("leaves.py").write_text("raise SystemExit\n", encoding="utf-8")
+    monkeypatch.setattr(sys, "modules", dict(sys.modules))
+    assert load_program("mine.py:Mine").__name__ == "make"
+    with pytest.raises(UsageError, match=re.escape(words)):
+        load_program(name)

@@ -12,7 +12,7 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine, default_machine_path, load_machine, with_values
 from gantryctl.operation.opening import keep_machine, new_machine, open_machine
 from gantryctl.operation.state import encoder_report, machine_status, reset_machine, reset_simulation
-from gantryctl.operation.store import StateStore, state_root
+from gantryctl.operation.store import StateStore, state_hash, state_root
 
 
 @pytest.fixture
@@ -235,3 +235,40 @@ def test_a_directory_that_was_moved_away_is_not_begun_anew(tmp_path: Path) -> No
         away.rename(store.directory)
         store.store_plant({"angle": 3.0})
     assert (store.load_plant() or ({}, False))[0] == {"angle": 3.0}
+
+
+def test_nobody_else_reads_what_is_kept(machine: Machine, tmp_path: Path) -> None:
+    source = written(tmp_path / "m.toml")
+    with kept(source) as store:
+        store.store_bus(["12 telegrams"])
+        files = [store.directory / name for name in ("plant.json", "bus.json", "machine.json")]
+        assert [file.stat().st_mode & 0o777 for file in files] == [0o600] * 3
+
+
+def test_a_new_plant_has_nothing_of_the_old_machine(machine: Machine) -> None:
+    with kept(machine) as store:
+        store.forget()
+        assert store.load_plant() is None
+        assert store.load_retained() is None
+
+
+def test_a_plant_of_other_figures_is_told_as_another(machine: Machine) -> None:
+    with kept(machine) as store:
+        found = store.load_plant()
+        assert found is not None
+        assert found[1]
+    with StateStore(with_values(machine, {"plant.load.inertia_kg_m2": 2.0e6})) as store:
+        found = store.load_plant()
+        assert found is not None
+        assert not found[1]
+
+
+def test_the_directory_is_noted_as_that_of_the_file_as_it_is_now(tmp_path: Path) -> None:
+    noted = []
+    for inertia in ("2.18e6", "2.0e6", "2.0e6"):
+        machine = written(tmp_path / "m.toml", inertia)
+        with StateStore(machine) as store:
+            note = json.loads((store.directory / "machine.json").read_text(encoding="utf-8"))
+        assert note == {"file": str(machine.source), "state": state_hash(machine)}
+        noted.append(note["state"])
+    assert noted[0] != noted[1] == noted[2]

@@ -137,3 +137,43 @@ def test_the_round_trip_is_that_of_the_holder() -> None:
     now = bench.operator.situation(bench.time_s, who, bench.time_s - 0.0001)
     assert now.round_trip_s == pytest.approx(0.0001)
     assert trip.shortest_s(bench.time_s) == pytest.approx(0.0001)
+
+
+def test_a_stop_lets_the_key_go() -> None:
+    bench = Bench()
+    bench.powered(bench.who())
+    bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
+    bench.hold(1.0)
+    bench.send(bench.who(Role.VIEWER), "stop")
+    bench.scans(1)
+    assert not bench.operator.hold.alive
+    assert not bench.operator.levels.forward
+
+
+def test_a_stop_without_power_asks_nothing_of_the_program() -> None:
+    bench = Bench()
+    bench.scans(5)
+    refusals = bench.axis.refusal_count
+    bench.send(bench.who(Role.VIEWER), "stop")
+    for _ in range(4):
+        bench.scans(1)
+        assert not bench.operator.levels.stop
+    assert bench.axis.refusal_count == refusals
+
+
+def test_only_a_row_that_is_there_is_marked_as_seen() -> None:
+    bench = Bench()
+    who = bench.who()
+    assert bench.refused(who, "acknowledge", id=1) == "SEC-05"
+    seen: list[tuple[int, str]] = []
+    bench.operator._acknowledge = lambda number, by: seen.append((number, by.user))
+    bench.do(who, "acknowledge", id=7)
+    assert seen == [(7, who.user)]
+
+
+def test_a_shutdown_hands_over_to_nobody() -> None:
+    bench = Bench()
+    assert not bench.operator.hands_over
+    bench.operator.shutdown = True
+    bench.scans(5)
+    assert not bench.operator.hands_over
