@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,6 +31,7 @@ from gantryctl.operation.summary import summarise
 from gantryctl.program import AlarmLog, Axis, Code
 from gantryctl.program.alarms.words import Clauses, Words
 from gantryctl.runtime import Retained
+from gantryctl.trace.frames.files import read_frames
 from gantryctl.trace.table import Trace
 from gantryctl.units import rad
 from gantryctl.wiring.program import axis_settings
@@ -355,6 +357,35 @@ def test_the_frames_around_alarms_are_kept_and_not_those_around_notes(
     frames.look(2.5)
     frames.look(2.6)
     assert kept == ([("CTL-02", 0.5), ("ENC-06", 0.5)] if side else [])
+
+
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_log_of_the_bus_is_finished_whatever_ends_it(fails: bool, tmp_path: Path) -> None:
+    file = tmp_path / "bus.log"
+    with suppress(KeyboardInterrupt), bus_log.logged_bus(file) as recorder:
+        take = recorder.link("can0", virtual=False)
+        take(1.0, 0x182, b"12", False)
+        if fails:
+            raise KeyboardInterrupt
+    assert [frame.data for frame in read_frames(file)] == [b"12"]
+
+
+def test_the_last_frames_around_an_alarm_are_the_newest_of_all_machines(folder: Path) -> None:
+    with pytest.raises(UsageError, match="no frames around an alarm"):
+        bus_log.last_frozen()
+    made = []
+    for name, age_s in (("a", 300), ("b", 100), ("c", 200)):
+        (folder / name / "traces").mkdir(parents=True)
+        made.append(bus_log.frozen_path(folder / name / "traces", "CAN-03"))
+        made[-1].touch()
+        os.utime(made[-1], (10_000 - age_s,) * 2)
+    assert bus_log.last_frozen() == made[1]
+
+
+def test_only_a_drive_on_a_bus_has_a_health_to_tell() -> None:
+    health = LinkHealth("A", scans=5)
+    assert opening.bus_lines(Drive(health=lambda: health)) == health.lines() != ()  # type: ignore[arg-type]
+    assert opening.bus_lines(Drive(health=lambda: None)) == ()  # type: ignore[arg-type]
 
 
 def test_a_motion_of_a_real_drive_is_summed_up_by_its_motor_alone() -> None:

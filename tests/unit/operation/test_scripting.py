@@ -13,6 +13,8 @@ from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.machine import with_values
 from gantryctl.operation.scripting import load_program
 
+IDEAL = with_values(gantryctl.default_machine(), {"drive.kind": "ideal"})
+
 
 def test_a_move_returns_summary_and_trace() -> None:
     result = gantryctl.move(gantryctl.default_machine(), 2.0, speed_deg_s=3.0)
@@ -105,3 +107,30 @@ def test_what_is_no_program_is_refused_with_the_reason(
     assert load_program("mine.py:Mine").__name__ == "make"
     with pytest.raises(UsageError, match=re.escape(words)):
         load_program(name)
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("pass", "must call super().__init__(axis)"),
+        ("self.axis = None", "must call super().__init__(axis)"),
+        ("self.axis = axis", "must call super().__init__(axis)"),
+        ("raise SystemExit", "(axis) failed: SystemExit"),
+        ("super().__init__(axis)", ""),
+    ],
+)
+def test_a_program_that_does_not_take_its_axis_is_refused(
+    body: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        f"import gantryctl\nclass Mine(gantryctl.AxisProgram):\n  def __init__(self, axis):\n    {body}\n"
+    )
+    monkeypatch.setattr(sys, "modules", dict(sys.modules))
+    make = load_program(f"{file}:Mine")
+    axis = gantryctl.build_engine(IDEAL).program.axis
+    if words:
+        with pytest.raises(UsageError, match=re.escape(words)):
+            make(axis)
+    else:
+        assert make(axis).axis is axis
