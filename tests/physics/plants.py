@@ -157,7 +157,9 @@ def trapezoid(
     side, distance = math.copysign(1.0, way), abs(way)
     acc = acc_deg_s2 * DEG
     vel = min(vel_deg_s * DEG, math.sqrt(distance * acc))
-    ramp, cruise = vel / acc, distance / vel - vel / acc
+    ramp = vel / acc
+    # A short way is two ramps, and what is left between them a rounding of either sign.
+    cruise = max(0.0, distance / vel - ramp)
     t = [0.0, rest_s, rest_s + ramp, rest_s + ramp + cruise]
     first = 0.5 * acc * ramp * ramp
     way_to = [0.0, 0.0, first, first + vel * cruise]

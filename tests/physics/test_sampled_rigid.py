@@ -42,6 +42,18 @@ def test_trapezoid_errors(way: int, seconds: float) -> None:
     assert position == pytest.approx(expected["value"], rel=expected["rtol"])
 
 
+@pytest.mark.parametrize(
+    ("way", "duration_s", "peak_deg_s"), [(6.0, 7.8111, 1.5363), (-14.0, 11.9316, -2.3467)]
+)
+def test_a_short_trapezoid_is_two_ramps(way: float, duration_s: float, peak_deg_s: float) -> None:
+    """2 sqrt(way / a) long and sqrt(way a) fast in the middle, by hand with a = 450/1144 deg/s2, to four digits."""
+    plan = trapezoid(0.0, way)
+    assert plan.duration == pytest.approx(duration_s, abs=1e-4)
+    middle = np.array(plan.sample(0.5 * plan.duration)) / DEG
+    assert middle[:2] == pytest.approx([0.5 * way, peak_deg_s], abs=1e-4)
+    assert plan.sample(plan.duration)[0] / DEG == pytest.approx(way, abs=1e-9)
+
+
 def test_ramp_without_feed_forward() -> None:
     """Linear to the end: it asks for 1.6 kN m at first, so the torque limit is taken away."""
     m = rigid(control__kvf=0.0)
