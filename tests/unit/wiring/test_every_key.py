@@ -634,6 +634,7 @@ ELSEWHERE = {
         ],
         "with the numbers of a calibration: tests/unit/program/test_calibration_watch.py",
     ),
+    "control.compensation.first_mode_hz": "identification",
     "control.compensation.gear_map.cycles_per_turn": "identification",
     "motor.power_rated_kw": "sizing",
     "motor.speed_rated_r_min": "sizing",

@@ -9,7 +9,6 @@ from typing import Final, Literal, NamedTuple
 from gantryctl.engineering.batch import expected
 from gantryctl.engineering.comparison.key_figures import SHORT_DEG, Move, MoveFigures, moves_figures
 from gantryctl.engineering.comparison.variants import without_load_encoder
-from gantryctl.engineering.identification.experiment import expected_mode_hz
 from gantryctl.machine import Machine, with_values
 from gantryctl.machine.places import fitted_stretch_deg
 
@@ -56,7 +55,7 @@ def swing_hz(machine: Machine) -> float:
     """First mode of the load: as identified, else as the machine file expects it."""
     # 2.00 Hz in the linear plant of the reference machine, 1.92 Hz as identified: a wrong value costs little.
     found = machine.calibration.identified.swing_hz if machine.calibration else None
-    return expected_mode_hz(machine) if found is None else found
+    return machine.control.compensation.first_mode_hz if found is None else found
 
 
 def profiles_at_equal_base_motion(first: Machine, second: Machine, base_um: float) -> list[ProfileRow]:

@@ -56,6 +56,7 @@ def _compensation(basis: Basis) -> Values:
     # A wave that two sources share is identified once.
     waves = tuple(dict.fromkeys(round(wave, 6) for wave in (teeth, ratio, 2.0 * ratio, 4.0 * ratio)))
     return {
+        f"{at}.first_mode_hz": computed(significant(min(25.0, mode)), "first mode, 25 Hz at most"),
         f"{at}.torque.limit_nm": computed(
             significant(0.25 * basis.motor.motor.torque_rated_nm), "a quarter of the rated torque"
         ),

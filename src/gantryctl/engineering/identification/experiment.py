@@ -14,8 +14,6 @@ from typing import Final
 from gantryctl.machine import Machine
 from gantryctl.machine.places import fitted_stretch_deg, reach_deg
 
-# `fade_hz` is meant as four times the first mode.
-_FADE_PER_MODE: Final = 4.0
 # A wave that passes at half the first mode is seen a third larger; above it the correction is guesswork.
 _PASSES_BELOW_MODE: Final = 0.5
 _TURN_MESH_PER_MODE: Final = 0.47
@@ -87,11 +85,6 @@ class Experiment:
         return (turning_s + _SPEED_LOOP_S) / 60.0
 
 
-def expected_mode_hz(machine: Machine) -> float:
-    """First mode that the machine file expects; what it is, identification finds."""
-    return machine.control.compensation.gear_map.fade_hz / _FADE_PER_MODE
-
-
 def expected_waves(machine: Machine) -> tuple[float, ...]:
     """Waves per turn that the ratios make and the machine file lists: they are looked for first."""
     axis = machine.axis
@@ -103,7 +96,7 @@ def expected_waves(machine: Machine) -> tuple[float, ...]:
 
 def experiment_of(machine: Machine) -> Experiment:
     """The experiment that fits an axis; of [plant] it reads nothing."""
-    mode_hz, top = expected_mode_hz(machine), machine.speed.setting_max_deg_s
+    mode_hz, top = machine.control.compensation.first_mode_hz, machine.speed.setting_max_deg_s
     listed = machine.control.compensation.gear_map.cycles_per_turn
     least, most = reach_deg(machine)
     margin = min(_MARGIN_DEG, 0.05 * (most - least))

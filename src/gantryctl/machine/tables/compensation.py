@@ -144,6 +144,10 @@ class CompensationTable(Table):
     latency_us: float = number(
         0.0, 0.0, 2000.0, "Age of encoder readings by their time stamp; 0 = not compensated."
     )
+    # Lower than the true one costs time alone. Above 25 Hz a creep of some degrees would be all ramps.
+    first_mode_hz: float = number(
+        2.0, 0.02, 25.0, "First mode of the load that `gantryctl identify` expects; 25 of a stiffer one."
+    )
     torque: TorqueFeedForwardTable = table("Torque feed-forward.", TorqueFeedForwardTable)
     gear_map: GearMapTable = table("Gear-error map.", GearMapTable)
     windup: WindupTable = table("Wind-up and lost motion.", WindupTable)
