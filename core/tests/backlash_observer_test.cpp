@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "core/control/compensated_law.hpp"
-#include "core/lane/pack.hpp"
 #include "example.hpp"
 
 namespace gantry {
@@ -13,27 +12,12 @@ namespace {
 using Params = CompensationParams<double>;
 using State = CompensationState<double>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kRatio = 1144.0, kTs = 1e-3, kPi = 3.14159265358979323846;
-constexpr double kMm = 1e-3 / 2.366;  // a millimetre on the ring of the reference gantry, rad
+constexpr double kPi = 3.14159265358979323846;
+using example::kMm, example::kRatio, example::kTs;
 
 Params observed() {
-  Params p;
-  p.moment_observer = p.backlash_observer = true;
-  p.period_s = kTs;
-  p.moment_sine_nm = 1.6e4;
-  p.inertia_kg_m2 = 2.64e6;
-  p.inertia_load_kg_m2 = 2.17e6;
-  p.windup_per_acc_s2 = 6.15e-3;
-  p.swing_rad_s = 12.75;
-  p.friction_nm = 1.2e4;
-  p.friction_load_nm = 6e3;
-  p.friction_load_ratio = 0.1;
-  p.friction_spread_nm = 6e3;
-  p.moment_limit_nm = 3e4;
-  p.observer_weight = 4e-3 / (4e3 * 4e3);
-  p.observer_rate = 5e-4;
-  p.backlash_step_rad = 0.05 * kMm;
-  p.backlash_held_rad = 0.05 * kMm;
+  Params p = example::observed();
+  p.backlash_observer = true;
   p.backlash_memory = std::exp(-kTs / 300.0);
   p.backlash_fast = 1.0 - std::exp(-kTs * 4.0 * p.swing_rad_s);
   p.backlash_slow = 1.0 - std::exp(-kTs * p.swing_rad_s / 4.0);
@@ -173,11 +157,7 @@ TEST(BacklashObserver, plans_with_what_it_found) {
 TEST(BacklashObserver, packs_give_each_lane_the_bits_that_it_has_alone) {
   constexpr int kLanes = 4;
   const Params p = observed();
-  CompensationParams<Pack<kLanes>> many;
-  many.moment_observer = many.backlash_observer = true;
-#define X(name, value, meaning) many.name = Pack<kLanes>(p.name);
-  GANTRY_COMPENSATION_PARAMS(X)
-#undef X
+  const CompensationParams<Pack<kLanes>> many = example::in_every_lane<kLanes>(p);
   CompensationState<Pack<kLanes>> states;
   State alone[kLanes];
   for (int scan = 0; scan < 400; ++scan) {

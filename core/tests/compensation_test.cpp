@@ -667,14 +667,11 @@ TEST(CompensatedLaw, in_a_pack_is_that_of_each_lane) {
   const PositionLawParams<double> law = example::law();
   const PositionLawParams<Pack<kLanes>> laws{law.kpp_per_s, law.kvf, law.ratio, law.rad_per_count,
                                              law.vel_max_rad_s};
-  const Params one = maps();
-  CompensationParams<Pack<kLanes>> many;
-  many.gear_map = many.windup = many.reversal = many.load_encoder = many.damping = true;
-  Params single = one;
-  single.load_encoder = single.damping = true;
-#define X(name, value, meaning) many.name = Pack<kLanes>(single.name);
-  GANTRY_COMPENSATION_PARAMS(X)
-#undef X
+  Params one = maps();
+  one.load_encoder = one.damping = true;
+  one.lost_motion = {};
+  one.fast = {};
+  CompensationParams<Pack<kLanes>> many = example::in_every_lane<kLanes>(one);
   for (std::size_t k = 0; k < one.map.sine.size(); ++k) {
     many.map.sine[k] = one.map.sine[k];
     many.map.cosine[k] = one.map.cosine[k];
@@ -692,10 +689,7 @@ TEST(CompensatedLaw, in_a_pack_is_that_of_each_lane) {
     }
     const auto pack = compensated_law(laws, many, states, points, counts, ring, Pack<kLanes>(0.0));
     for (int k = 0; k < kLanes; ++k) {
-      Params alone = single;
-      alone.lost_motion = {};
-      alone.fast = {};
-      const auto lane = compensated_law(law, alone, state[k], r, counts.lane[k], ring.lane[k], 0.0);
+      const auto lane = compensated_law(law, one, state[k], r, counts.lane[k], ring.lane[k], 0.0);
       EXPECT_EQ(pack.law.vel_cmd_rad_s.lane[k], lane.law.vel_cmd_rad_s);
       EXPECT_EQ(pack.disagreement_rad.lane[k], lane.disagreement_rad);
     }

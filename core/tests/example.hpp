@@ -2,16 +2,21 @@
 // machine, rounded. Random variations of it make a family of plants. Beside it a plant of round numbers.
 #pragma once
 
+#include <cmath>
 #include <random>
 
+#include "core/control/compensation.hpp"
 #include "core/control/position_law.hpp"
 #include "core/control/segments.hpp"
+#include "core/lane/pack.hpp"
 #include "core/plant/gantry_sim.hpp"
 
 namespace gantry::example {
 
 constexpr double kRatio = 1144.0;
 constexpr double kCycle = 125e-6;
+constexpr double kTs = 1e-3;          // a scan
+constexpr double kMm = 1e-3 / 2.366;  // a millimetre on the ring, rad
 constexpr double kFineCount = 6.283185307179586 / (2048.0 * 2048.0);
 
 // Round numbers for figures worked out by hand, no effect present: ratio 10, inertias of 1 and 50 kg m2,
@@ -201,6 +206,44 @@ inline DriveParams<double> varied(DriveParams<double> p, std::mt19937& random) {
 }
 
 inline PositionLawParams<double> law() { return {10.0, 1.0, kRatio, kFineCount, 125.0}; }
+
+// What the calibration holds of that machine, and its observers of moment and backlash; the bank has steps of
+// 0.05 mm on the ring.
+inline CompensationParams<double> observed() {
+  CompensationParams<double> p;
+  p.moment_observer = true;
+  p.period_s = kTs;
+  p.moment_sine_nm = 1.6e4;
+  p.inertia_kg_m2 = 2.64e6;
+  p.inertia_load_kg_m2 = 2.17e6;
+  p.windup_per_acc_s2 = 6.15e-3;
+  p.swing_rad_s = 12.75;
+  p.friction_nm = 1.2e4;
+  p.friction_load_nm = 6e3;
+  p.friction_load_ratio = 0.1;
+  p.friction_spread_nm = 6e3;
+  p.moment_limit_nm = 3e4;
+  p.observer_speed_rad_s = 1e-3;
+  p.observer_weight = 4e-3 / (4e3 * 4e3);
+  p.observer_memory = std::exp(-kTs / 300.0);
+  p.observer_rate = 5e-4;
+  p.backlash_step_rad = 0.05 * kMm;
+  p.backlash_held_rad = 0.05 * kMm;
+  return p;
+}
+
+// The same in every lane of a pack; maps and fast waves are left as they begin.
+template <int N>
+CompensationParams<Pack<N>> in_every_lane(const CompensationParams<double>& one) {
+  CompensationParams<Pack<N>> many;
+#define X(name, meaning) many.name = one.name;
+  GANTRY_COMPENSATION_SWITCHES(X)
+#undef X
+#define X(name, value, meaning) many.name = Pack<N>(one.name);
+  GANTRY_COMPENSATION_PARAMS(X)
+#undef X
+  return many;
+}
 
 // From rest to rest over `distance` with constant acceleration and deceleration.
 inline Segments triangle(double from, double distance, double acc) {

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "core/control/compensated_law.hpp"
-#include "core/lane/pack.hpp"
+#include "example.hpp"
 
 namespace gantry {
 namespace {
@@ -14,46 +14,24 @@ namespace {
 using Params = CompensationParams<double>;
 using State = CompensationState<double>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kRatio = 1144.0, kTs = 1e-3, kPi = 3.14159265358979323846;
-constexpr double kMm = 1e-3 / 2.366;  // a millimetre on the ring of the reference gantry, rad
+constexpr double kPi = 3.14159265358979323846;
+using example::kMm, example::kRatio, example::kTs;
 
 Params followed() {
-  Params p;
-  p.moment_observer = p.backlash_observer = p.load_encoder = p.reversal = true;
-  p.period_s = kTs;
-  p.moment_sine_nm = 1.6e4;
-  p.inertia_kg_m2 = 2.64e6;
-  p.inertia_load_kg_m2 = 2.17e6;
-  p.windup_per_acc_s2 = 6.15e-3;
-  p.swing_rad_s = 12.75;
-  p.friction_nm = 1.2e4;
-  p.friction_load_nm = 6e3;
-  p.friction_spread_nm = 6e3;
+  Params p = example::observed();
+  p.backlash_observer = p.load_encoder = p.reversal = true;
+  p.friction_load_ratio = 0.0;
   p.moment_limit_nm = 4e4;
-  p.observer_speed_rad_s = 1e-3;
-  p.observer_weight = 4e-3 / (4e3 * 4e3);
-  p.observer_memory = std::exp(-kTs / 300.0);
-  p.observer_rate = 5e-4;
   p.flank_nm = 1e3;
   p.reversal_length_rad = 1.7e-4;
   p.pos_limit_rad = p.encoder_limit_rad = 9e-4;
   p.encoder_gain_per_s = 1.0;
   p.swing_speed_max_rad_s = 0.017;
-  p.backlash_step_rad = 0.05 * kMm;
-  p.backlash_held_rad = 0.05 * kMm;
   p.backlash_memory = std::exp(-kTs / 100.0);
   return p;
 }
 
-PositionLawParams<double> law() {
-  PositionLawParams<double> l;
-  l.ratio = kRatio;
-  l.rad_per_count = 1.0;
-  l.kpp_per_s = 10.0;
-  l.kvf = 1.0;
-  l.vel_max_rad_s = 200.0;
-  return l;
-}
+PositionLawParams<double> law() { return {10.0, 1.0, kRatio, 1.0, 200.0}; }
 
 // A motor that goes as it is told; a load behind a gap, loaded by a moment and friction of its own; 2 um of
 // noise on the ring, which a generator of whole numbers gives.
@@ -167,9 +145,8 @@ TEST(LostMotion, learns_nothing_from_an_encoder_that_shows_none) {
   State s, t;
   Machine m, sometimes;
   m.backlash = sometimes.backlash = 0.2 * kMm;
-  const Params bare = p;
   for (int k = 0; k < 3000; ++k)
-    compensated_law(law(), bare, s, {1.0 + 1e-4 * k, 0.1, 0.0}, kRatio * (1.0 + 1e-4 * k), kNaN, 10.0);
+    compensated_law(law(), p, s, {1.0 + 1e-4 * k, 0.1, 0.0}, kRatio * (1.0 + 1e-4 * k), kNaN, 10.0);
   for (const double sum : s.lead_sums) EXPECT_EQ(sum, 0.0);
   moves(p, t, sometimes, kThere, kNaN);
   EXPECT_NEAR(t.backlash_change_rad / kMm, 0.2, 0.01);
@@ -191,21 +168,10 @@ TEST(LostMotion, takes_the_lean_of_the_base_off_that_the_moment_has_brought) {
 TEST(LostMotion, packs_give_each_lane_the_bits_that_it_has_alone) {
   constexpr int kLanes = 4;
   const Params p = followed();
-  CompensationParams<Pack<kLanes>> many;
-#define X(name, meaning) many.name = p.name;
-  GANTRY_COMPENSATION_SWITCHES(X)
-#undef X
-#define X(name, value, meaning) many.name = Pack<kLanes>(p.name);
-  GANTRY_COMPENSATION_PARAMS(X)
-#undef X
+  const CompensationParams<Pack<kLanes>> many = example::in_every_lane<kLanes>(p);
   CompensationState<Pack<kLanes>> states;
   State alone[kLanes];
-  PositionLawParams<Pack<kLanes>> l;
-  l.ratio = Pack<kLanes>(kRatio);
-  l.rad_per_count = Pack<kLanes>(1.0);
-  l.kpp_per_s = Pack<kLanes>(10.0);
-  l.kvf = Pack<kLanes>(1.0);
-  l.vel_max_rad_s = Pack<kLanes>(200.0);
+  const PositionLawParams<Pack<kLanes>> l{10.0, 1.0, kRatio, 1.0, 200.0};
   for (int scan = 0; scan < 9000; ++scan) {
     const bool back = scan >= 4000, rests = scan >= 8000;
     const double part = 1e-4 * (rests ? 0 : back ? 8000 - scan : scan);

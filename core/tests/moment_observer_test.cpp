@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "core/control/compensated_law.hpp"
-#include "core/lane/pack.hpp"
 #include "example.hpp"
 
 namespace gantry {
@@ -13,23 +12,12 @@ namespace {
 using Params = CompensationParams<double>;
 using State = CompensationState<double>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kRatio = 1144.0, kTs = 1e-3;
+using example::kRatio, example::kTs;
 
 Params observed() {
-  Params p;
-  p.moment_observer = true;
-  p.period_s = kTs;
-  p.moment_sine_nm = 1.6e4;
+  Params p = example::observed();
   p.moment_cosine_nm = -1e3;
-  p.inertia_kg_m2 = 2.6e6;
-  p.friction_nm = 1.2e4;
-  p.friction_load_ratio = 0.1;
   p.friction_nm_s_per_rad = 6e4;
-  p.friction_spread_nm = 6e3;
-  p.moment_limit_nm = 3e4;
-  p.observer_speed_rad_s = 1e-3;
-  p.observer_weight = 4e-3 / (4e3 * 4e3);
-  p.observer_memory = std::exp(-kTs / 300.0);
   p.observer_rate = 1e-3;
   return p;
 }
@@ -273,11 +261,7 @@ TEST(MomentObserver, switched_off_changes_no_bit_of_the_law) {
 TEST(MomentObserver, packs_give_each_lane_the_bits_that_it_has_alone) {
   constexpr int kLanes = 4;
   const Params p = observed();
-  CompensationParams<Pack<kLanes>> many;
-  many.moment_observer = true;
-#define X(name, value, meaning) many.name = Pack<kLanes>(p.name);
-  GANTRY_COMPENSATION_PARAMS(X)
-#undef X
+  const CompensationParams<Pack<kLanes>> many = example::in_every_lane<kLanes>(p);
   CompensationState<Pack<kLanes>> states;
   State alone[kLanes];
   states.direction = Pack<kLanes>(1.0);
