@@ -13,6 +13,7 @@ from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.engineering.faults.limits import computed_deg, limit_deg
 from gantryctl.engineering.faults.oracle.limits import bounds_of
 from gantryctl.engineering.faults.oracle.taps import Oracle
+from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.faults.run import conditions_of, fault_machine, run_fault
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
@@ -45,6 +46,26 @@ def test_the_conditions_of_the_reference_gantry_are_its_highest_speed_where_its_
     assert conditions.speed_deg_s == 6.0
     assert conditions.angle_deg == pytest.approx(90.0)
     assert conditions.eccentric_knm == pytest.approx(15.99, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("off", "slow_nm", "fast_nm"),
+    [(set(), 10.5, 14.5), ({"roller"}, 5.5, 8.5), ({"motor"}, 5.0, 6.0), ({"roller", "motor"}, 0.0, 0.0)],
+)
+def test_an_axis_rubs_where_its_plant_does(off: set[str], slow_nm: float, fast_nm: float) -> None:
+    """Behind 1144:1 5.72 kN m are 5 N m, 13,087.36 N m s/rad 0.01 of them; the speed is 100 rad/s of the motor."""
+    machine = with_values(
+        default_machine(),
+        {
+            "plant.roller_friction.coulomb_nm": 5_720.0,
+            "plant.roller_friction.viscous_nm_s_per_rad": 13_087.36,
+            "plant.motor_friction.coulomb_nm": 5.5,
+            "plant.motor_friction.viscous_nm_s_per_rad": 0.03,
+            **{f"plant.switches.{side}_friction": False for side in off},
+        },
+    )
+    assert friction_nm(machine) == pytest.approx(slow_nm)
+    assert friction_nm(machine, -100.0) == pytest.approx(fast_nm)
 
 
 OFF, DOUBT = ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK

@@ -50,7 +50,13 @@ def _rotor_acc_deg_s2(machine: Machine, torque_nm: float) -> float:
 
 
 def friction_nm(machine: Machine, vel_motor_rad_s: float = 0.0) -> float:
-    """Running friction of motor and bearing, at the motor; of a slow motion where no speed is given."""
-    motor, roller, ratio = machine.plant.motor_friction, machine.plant.roller_friction, machine.axis.ratio
-    viscous = motor.viscous_nm_s_per_rad + roller.viscous_nm_s_per_rad / ratio**2
-    return motor.coulomb_nm + roller.coulomb_nm / ratio + viscous * abs(vel_motor_rad_s)
+    """Running friction of motor and bearing, where the plant has them, N m at the motor; of a slow motion where no
+    speed is given.
+    """
+    plant, ratio = machine.plant, machine.axis.ratio
+    motor, has_motor = plant.motor_friction, plant.switches.motor_friction
+    roller, has_roller = plant.roller_friction, plant.switches.roller_friction
+    viscous = motor.viscous_nm_s_per_rad * has_motor + roller.viscous_nm_s_per_rad / ratio**2 * has_roller
+    return (
+        motor.coulomb_nm * has_motor + roller.coulomb_nm / ratio * has_roller + viscous * abs(vel_motor_rad_s)
+    )

@@ -12,6 +12,7 @@ import numpy as np
 
 from gantryctl.engineering.faults.case import ReactionClass
 from gantryctl.engineering.faults.limits import brake_slip_deg, computed_deg, held_up_deg
+from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.stops import StopClass as SimulatedStop
 from gantryctl.engineering.stops import worst_stop
 from gantryctl.machine import Machine
@@ -161,9 +162,9 @@ def _unheld_acc_deg_s2(machine: Machine) -> float:
         time_s = np.arange(0.0, 120.0, 0.01)
         gusts = sum(nm * np.sin(rate * time_s + phase) for nm, rate, phase in waves)
         moment_nm += float(np.abs(p.wind_moment_nm + gusts).max())
-    friction_nm = p.roller_coulomb_nm * p.roller_friction + p.ratio * p.motor_coulomb_nm * p.motor_friction
+    moment_nm -= p.ratio * friction_nm(machine)
     inertia_kg_m2 = p.inertia_load_kg_m2 + p.ratio**2 * p.inertia_motor_kg_m2
-    return deg(max(0.0, moment_nm - friction_nm) / inertia_kg_m2)
+    return deg(max(0.0, moment_nm) / inertia_kg_m2)
 
 
 def _computed_way_deg(machine: Machine, kind: StopClass, speed_deg_s: float) -> float:
