@@ -28,25 +28,25 @@ FOUND = {
 """First seed on the simulated drive that finds each planted bug (`python -m support.fault_liars`)."""
 
 
-def rows(which: str) -> list[object]:
-    """The bus takes more than a second each."""
-    return [
+# The bus takes more than a second each.
+@pytest.mark.parametrize(
+    "row",
+    [
         pytest.param(row, id=str(row["number"]), marks=[pytest.mark.slow] if row["drive"] == "bus" else [])
-        for row in SEEDS[which]
-    ]
-
-
-@pytest.mark.parametrize("row", rows("seed"))
+        for row in SEEDS["seed"]
+    ],
+)
 def test_a_seed_that_once_broke_holds(row: dict[str, Any]) -> None:
     played = play(KINDS[row.get("kind", "random")](1, row["number"], SCAN_MS))
     assert played.scenario.drive == row["drive"]
     assert played.ok, (row["why"], played.violations)
 
 
-@pytest.mark.parametrize("row", rows("open"))
-def test_an_open_fault_is_still_seen(row: dict[str, Any]) -> None:
+@pytest.mark.slow
+def test_an_open_fault_is_still_seen() -> None:
     """When it is mended its seed goes up into the list of those that hold."""
-    assert not play(random_scenario(1, row["number"], SCAN_MS)).ok, row["why"]
+    for row in SEEDS["open"]:
+        assert not play(random_scenario(1, row["number"], SCAN_MS)).ok, row["why"]
 
 
 def test_every_planted_bug_has_a_seed() -> None:

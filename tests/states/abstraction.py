@@ -235,7 +235,7 @@ RULES: Final[dict[type, Rules]] = {
         count="_inputs_age _late_age _speed_age age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         # `_rest` is what other attributes were taken from.
-        clock="_drift _rest _step _vel_before",
+        clock="_drift _rest _step _step_before _uneven_scan _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
         "_change_any _change_per_torque "
         "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "

@@ -65,6 +65,8 @@ _BRAKE_DEC_SHARE: Final = 0.5
 
 
 _LATE_SCANS: Final = 5
+# Steps of the position that are compared with each other when it begins to stand.
+_STEPS: Final = 2
 
 
 class Feedback:
@@ -93,9 +95,10 @@ class Feedback:
         "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
         "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
         "_ratio", "_rest", "_rest_rad_s", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step",
-        "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact", "brake_open", "counts", "encoder_alarm",
-        "error_code", "in_doubt", "inputs", "motor_temp_c", "overload", "periods", "pos_ring_rad", "read_rad", "state",
-        "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
+        "_step_before", "_uneven_scan", "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact",
+        "brake_open", "counts", "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload",
+        "periods", "pos_ring_rad", "read_rad", "state", "state_old", "torque_limited", "torque_nm",
+        "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
@@ -143,10 +146,11 @@ class Feedback:
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self._late_scan, self._late_age = -10, 0
         self._speed_scan = -10  # the last in which the speed was older than the position
+        self._uneven_scan = -10  # the last whose step took more or less than a scan
         # `_look`: the reading of the next scan is looked at closely, whatever it says.
         self._look = self.encoder_alarm = self.in_doubt = self._old = self._doubtful = self._complains = False
         self._rest: tuple[Any, ...] = ()
-        self._drift = self._step = self._vel_before = 0.0
+        self._drift = self._step = self._step_before = self._vel_before = 0.0
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
         self._speed_age = self._inputs_age = 0
         self._spread = 0.0
@@ -202,7 +206,7 @@ class Feedback:
             self._unchanged(vel_cmd_rad_s, drive.age_scans)
         else:
             self.unchanged_scans = 0
-            self._step = step
+            self._step_before, self._step = self._step, step / self.periods
         self.counts = counts
         self.vel_rad_s = vel
 
@@ -414,6 +418,8 @@ class Feedback:
 
     def _judge_step(self, step: float, vel_rad_s: float, scans: float, *, late: bool) -> None:
         """Compare a step of the position, over so many scans, with the speeds before and after it."""
+        if scans != 1.0:
+            self._uneven_scan = self._alarms.scan
         per_deg = self._counts_per_rad * math.pi / 180.0
         way, way_now = (speed * self._jump_per_speed * scans for speed in (self.vel_rad_s, vel_rad_s))
         # Over more than a scan the speed may have been any between, and a late reading may be one of the start.
@@ -460,8 +466,15 @@ class Feedback:
             self.unchanged_scans = 0
             return
         if not self.unchanged_scans:
-            self._vel_before = max(abs(self.vel_rad_s), abs(self._step) / self._jump_per_speed)
-            self._step = 0.0
+            shown = abs(self._step) / self._jump_per_speed
+            before = abs(self._step_before) / self._jump_per_speed
+            self._vel_before = max(abs(self.vel_rad_s), shown)
+            # An encoder that froze within the last scan has shown a part of its way there: what is missing is more than
+            # the brake takes, which may be closing whatever its contact says.
+            even = self._alarms.scan - self._uneven_scan > _STEPS
+            if before - shown > max(self._stands_from) and even:
+                self._vel_before = before
+            self._step = self._step_before = 0.0
         # At 0.1 deg/s the reference encoder counts 1333 in a millisecond; with 8192 increments a turn, 26 in ten.
         commanded = abs(vel_cmd_rad_s) > self._frozen_speed * self._ratio
         if not (commanded or self._vel_before > self._stands_from[self.brake_open]):

@@ -167,6 +167,50 @@ def test_a_count_that_stands_after_a_speed_that_nothing_could_have_taken_away_is
             assert (seconds == approx(in_scans(0.030, period_s))) is told, (brake_open, share, seconds)
 
 
+@BOTH
+@pytest.mark.parametrize(("period_s", "by_brake"), [(0.001, 0.1845), (0.004, 0.438), (0.010, 0.945)])
+@pytest.mark.parametrize("brake_open", [True, False], ids=["contact open", "contact closed"])
+def test_an_encoder_that_freezes_within_a_scan_is_seen_by_what_it_showed_before(
+    period_s, by_brake, brake_open, way
+):
+    """The way of a tenth of the scan, then nothing: nine tenths of the speed are gone, more than a brake takes."""
+    for lost_deg_s, told in ((0.98 * by_brake, False), (1.02 * by_brake, True)):
+        speed_deg_s = way * lost_deg_s / 0.9
+        encoder = Encoder(period_s, speed_deg_s, monitors=ROTOR | {"speed_change_base_rad_s": rad(10.0)})
+        encoder.said["brake_open"] = brake_open
+        encoder.command_deg_s, encoder.speed_deg_s = 0.0, 0.1 * speed_deg_s
+        encoder.scan()
+        encoder.speed_deg_s = 0.0
+        seconds = encoder.after(encoder.scan, most_s=0.2)
+        assert seconds == (approx(in_scans(0.030, period_s)) if told else math.inf)
+        assert encoder.codes == (["ENC-02"] if told else [])
+
+
+@PERIODS
+@pytest.mark.parametrize("uneven", ["missed scans", "late telegram", "late SYNC"])
+def test_steps_of_more_than_a_scan_are_no_speed_that_was_lost(period_s, uneven):
+    """1.6 times what a brake may take, shown by a step over two scans: 0.8 times in each."""
+    speed_deg_s = 0.8 * (0.1 + 84.5 * period_s)
+    encoder = Encoder(period_s, speed_deg_s, monitors=ROTOR | {"speed_change_base_rad_s": rad(10.0)})
+    encoder.command_deg_s = 0.0
+    match uneven:
+        case "missed scans":
+            encoder.feedback.periods = 2
+            encoder.scan()
+            encoder.feedback.periods = 1
+        case "late telegram":
+            encoder.scan(counts=encoder.feedback.counts, age_scans=1)
+            encoder.scan()
+        case "late SYNC":
+            encoder.scan(step_deg=speed_deg_s * period_s, spread_scans=1.0)
+    encoder.speed_deg_s *= 0.01
+    encoder.scan()
+    encoder.speed_deg_s = 0.0
+    encoder.scan()
+    assert encoder.after(encoder.scan, most_s=0.2) == math.inf
+    assert encoder.codes in ([], ["CAN-07"])
+
+
 def test_a_count_that_moves_again_counts_anew():
     encoder = Encoder()
     encoder.command_deg_s = 1.0
