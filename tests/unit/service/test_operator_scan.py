@@ -6,7 +6,8 @@ import json
 
 import pytest
 
-from gantryctl.program import AxisState
+from gantryctl.program import AxisState, Code
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.messages import to_record
 from gantryctl.service.protocol.roles import Role
@@ -177,3 +178,38 @@ def test_a_shutdown_hands_over_to_nobody() -> None:
     bench.operator.shutdown = True
     bench.scans(5)
     assert not bench.operator.hands_over
+
+
+def test_a_key_that_is_not_renewed_is_let_go_after_its_lease() -> None:
+    """[monitors] lease_ms = 250, from the issue of the frame that the last renewal named: at most 30 ms before it."""
+    bench = Bench()
+    bench.powered(bench.who())
+    bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
+    bench.hold(1.0)
+    silent_ms = 0
+    while bench.operator.hold.alive:
+        bench.scans(1)
+        silent_ms += 1
+    assert 190 <= silent_ms <= 251
+
+
+def test_a_reset_clears_what_stood_against_power_before_this_run() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.operator.permit.reasons = (Reason(Code.SYS_12, {"stopped_by": "CTL-03"}, ClearedBy.RESET),)
+    bench.do(who, "take", over=False)
+    assert bench.refused(who, "power", on=True) == "PWR-04"
+    bench.do(who, "reset")
+    assert (bench.operator.permit.resets, bench.operator.permit.reasons) == (1, ())
+    bench.do(who, "power", on=True)
+
+
+def test_a_shutdown_lets_the_key_go() -> None:
+    bench = Bench()
+    bench.powered(bench.who())
+    bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
+    bench.hold(0.5)
+    bench.operator.shutdown = True
+    bench.scans(1)
+    assert not bench.operator.hold.alive
+    assert not bench.operator.levels.forward
