@@ -133,6 +133,7 @@ def test_events_and_what_it_says_itself_are_mirrored_in_the_same_look(bench: Ben
     bench.writer.tell("three")
     assert bench.writer.drain()
     assert bench.journal.done[:3] == [("events", 5, 2), ("service", "three"), ("reflected",)]
+    assert bench.journal.done[-1] == ("settled",)
     assert bench.writer.all_kept
     assert not bench.writer.drain()
 

@@ -6,12 +6,13 @@ import json
 
 import pytest
 
+from gantryctl.machine import with_values
 from gantryctl.program import AxisState, Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.messages import to_record
 from gantryctl.service.protocol.roles import Role
-from support.service_bench import LEASE, Bench
+from support.service_bench import LEASE, MACHINE, Bench
 
 
 def replied(bench: Bench) -> dict[int, str]:
@@ -204,12 +205,45 @@ def test_a_reset_clears_what_stood_against_power_before_this_run() -> None:
     bench.do(who, "power", on=True)
 
 
-def test_a_shutdown_lets_the_key_go() -> None:
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_shutdown_lets_the_key_go(moving: bool) -> None:
+    """Also the key of an axis that stands: nothing moves it in its last scans."""
     bench = Bench()
     bench.powered(bench.who())
-    bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
-    bench.hold(0.5)
+    if moving:
+        bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
+        bench.hold(0.5)
+    else:
+        bench.operator.hold.begin(LEASE, bench.who().client, True, bench.time_s, bench.time_s)
+    assert bench.operator.hold.alive
     bench.operator.shutdown = True
     bench.scans(1)
     assert not bench.operator.hold.alive
     assert not bench.operator.levels.forward
+
+
+def test_a_shutdown_while_power_goes_stops_nothing_more() -> None:
+    """Its power is off already: another stop would void commands again and again, and end no sooner."""
+    bench = Bench()
+    bench.powered(bench.who())
+    bench.do(bench.who(), "move", target_deg=20.0)
+    bench.scans(3000)
+    bench.do(bench.who(), "power", on=False)
+    bench.scans(20)
+    assert not bench.operator.levels.power
+    assert not bench.axis.at_rest
+    epoch = bench.epoch
+    bench.operator.shutdown = True
+    bench.scans(20)
+    assert bench.epoch == epoch
+
+
+def test_refusals_that_repeat_are_told_with_their_number() -> None:
+    """The first at once, the four others as one row ten seconds later."""
+    bench = Bench(machine=with_values(MACHINE, {"control.scan_period_ms": 10.0}))
+    for _ in range(5):
+        bench.refused(bench.who(), "power", on=True)
+    bench.scans(1010)
+    rows = [json.loads(record) for record in bench.event_ring.peek(100) if record]
+    refused = [row["values"].get("count") for row in rows if "power" in row["text"]]
+    assert refused == [None, 4]

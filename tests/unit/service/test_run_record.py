@@ -293,3 +293,31 @@ def test_a_disk_that_fails_is_told_once_and_the_run_goes_on(
     run.keeper.look()
     run.killed()
     assert left(tmp_path, 2) is not None
+
+
+@pytest.mark.parametrize("vel_deg_s", [1.0, -1.0])
+def test_an_axis_that_turns_is_kept_every_second_whichever_way_it_turns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vel_deg_s: float
+) -> None:
+    run, kept = Run(tmp_path, 1), []
+    keep = run.file.keep
+    monkeypatch.setattr(run.file, "keep", lambda made: (kept.append(round(run.now_s, 3)), keep(made)))
+    for step in range(101):
+        run.now_s = 0.05 * step
+        run.sees(vel_deg_s * run.now_s, vel_deg_s)
+        run.keeper.look()
+    run.killed()
+    assert kept == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_a_reading_has_the_time_at_which_it_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is half a second old at 01:23:20, 5000 s after midnight of 1970."""
+    run = Run(tmp_path, 1)
+    run.sees(3.0, 0.0)
+    tags, _ = run.keeper._snapshot.fast()
+    monkeypatch.setattr(run.keeper._snapshot, "fast", lambda: (tags, 500.0))
+    run.keeper.look()
+    run.killed()
+    found = left(tmp_path, 2)
+    assert found is not None
+    assert found.utc_s == 4999.5

@@ -348,3 +348,17 @@ def test_nothing_is_recorded_into_what_is_reserved_and_with_room_again_it_goes_o
     bench.writer.drain(at_once=True)
     assert bench.kept() == [k / 7 for k in (*range(100), *range(300, 400))]
     bench.memory.close()
+
+
+def test_a_recording_whose_end_never_came_is_closed_by_the_next_one(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(100)
+    bench.controller.number = 42
+    bench.rows(50)
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    bench.writer.join()
+    found = oldest_first(tmp_path.iterdir())
+    assert [(number_of(file), file.suffix) for file in found] == [(41, ".parquet"), (42, ".parquet")]
+    assert [len(read_trace(file)) for file in found] == [100, 50]
+    bench.memory.close()
