@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
+from gantryctl.errors import DeviceError, UsageError
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder import process
 from gantryctl.service.recorder.journal import mirror
 from gantryctl.service.recorder.journal.chain import Anchor
-from gantryctl.service.recorder.journal.key import Key
+from gantryctl.service.recorder.journal.key import Key, read_key
 from gantryctl.service.recorder.journal.places import KEYS_VARIABLE, places_of
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.recorder.journal.writer import Journal, JournalFault
@@ -171,3 +172,61 @@ def test_a_mirror_with_the_seal_of_somebody_else_shows_nothing(tmp_path: Path) -
         made.close()
     assert mirror.read_mirror(tmp_path / mine.name, mine).newest is not None
     assert mirror.read_mirror(tmp_path / his.name, mine) == mirror.Reflection(None, 0, damaged=True)
+
+
+def test_a_mirror_has_its_two_copies_in_different_pages_of_the_disk(tmp_path: Path) -> None:
+    made = mirror.Mirror(tmp_path / "mirror", Key(b"m" * 32))
+    for seq in (3, 4):
+        made.write(mirror.Newest(Anchor(seq, "00", "", "journal"), 0))
+    made.close()
+    data = (tmp_path / "mirror").read_bytes()
+    assert len(data) == 4096 + 512
+    assert not any(data[512:4096])
+    assert all(any(copy) for copy in (data[:512], data[4096:]))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{}, {"turn": "1"}, {"lock": 1.0}, {"seq": True}, {"hash": 0}, {"utc": None}, {"journal": ["j"]}],
+    ids=str,
+)
+def test_a_mirror_of_another_form_shows_nothing_even_with_the_right_seal(
+    tmp_path: Path, wrong: dict[str, object]
+) -> None:
+    key = Key(b"m" * 32)
+    body = {"turn": 1, "lock": 0, "seq": 3, "hash": "00", "utc": "", "journal": "journal"} | wrong
+    copy = mirror._text({**body, "seal": key.seal("newest", mirror._plain(body))})
+    (tmp_path / "mirror").write_bytes(copy.ljust(4096, b"\0") + bytes(512))
+    shown = mirror.read_mirror(tmp_path / "mirror", key)
+    assert (shown.newest is None, shown.damaged) == (bool(wrong), bool(wrong))
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "words"),
+    [
+        ("ab" * 32, 0o600, ""),
+        ("ab" * 32 + "\n", 0o400, ""),
+        ("ab" * 31, 0o600, "64 hexadecimal digits"),
+        ("ab" * 33, 0o600, "64 hexadecimal digits"),
+        ("xy" * 32, 0o600, "64 hexadecimal digits"),
+        ("ab" * 32, 0o640, "others may read"),
+        ("ab" * 32, 0o604, "others may read"),
+    ],
+)
+def test_a_key_is_64_digits_that_nobody_else_reads(tmp_path: Path, text: str, mode: int, words: str) -> None:
+    path = tmp_path / "journal.key"
+    path.write_text(text)
+    path.chmod(mode)
+    if words:
+        with pytest.raises(DeviceError, match=words):
+            read_key(path)
+    else:
+        assert read_key(path).secret == b"\xab" * 32
+
+
+def test_proofs_stand_in_a_place_that_every_process_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KEYS_VARIABLE, "keys")
+    with pytest.raises(UsageError, match="write an absolute path"):
+        places_of(tmp_path)

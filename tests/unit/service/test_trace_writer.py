@@ -362,3 +362,17 @@ def test_a_recording_whose_end_never_came_is_closed_by_the_next_one(tmp_path: Pa
     assert [(number_of(file), file.suffix) for file in found] == [(41, ".parquet"), (42, ".parquet")]
     assert [len(read_trace(file)) for file in found] == [100, 50]
     bench.memory.close()
+
+
+@pytest.mark.parametrize("closing", [True, False])
+def test_nothing_is_removed_for_its_size_while_it_is_being_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, closing: bool
+) -> None:
+    bench = Bench(tmp_path)
+    left = tmp_path / "service-000007-20260101T000000000.parquet"
+    left.write_bytes(bytes(2 * MB))
+    writer = TraceWriter(bench.memory, tmp_path, lambda: PLENTY, RetentionPolicy(traces_mb=1))
+    monkeypatch.setattr(trace_writer._Closing, "under_way", closing)
+    writer.drain(at_once=True)
+    assert left.exists() is closing
+    bench.memory.close()
