@@ -345,6 +345,7 @@ def test_of_a_fault_that_nobody_knows_the_longer_way_counts() -> None:
     assert row.speed_max_deg_s == 5.8
 
 
-def test_of_a_limit_that_no_pulse_has_shown_all_is_open() -> None:
-    row = row_of("limits_torque", changed(FACTS, o6072=None), TORQUE, Proofs())
+@pytest.mark.parametrize("passed", [frozenset(), frozenset({"torque"})], ids=["not tried", "no figure kept"])
+def test_of_a_limit_that_no_pulse_has_shown_all_is_open(passed: frozenset[str]) -> None:
+    row = row_of("limits_torque", changed(FACTS, o6072=None), TORQUE, Proofs(passed))
     assert "what lies above 0 N m is not shown" in str(row.detail)

@@ -8,10 +8,16 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import ConfigError
-from gantryctl.machine import Calibration, Machine, Unknown, with_values
+from gantryctl.machine import Calibration, Machine, Unknown, default_machine, with_values
 from gantryctl.program.settings import CalibrationWatchSettings
 from gantryctl.wiring.calibration_watch import calibration_watch, what_is_not_watched
-from gantryctl.wiring.compensation import _identified, compensation_settings, flank_torque_nm
+from gantryctl.wiring.compensation import (
+    _identified,
+    _numbers,
+    compensation,
+    compensation_settings,
+    flank_torque_nm,
+)
 from support.improved import improved_machine
 
 approx = pytest.approx
@@ -208,3 +214,19 @@ def test_what_follows_the_moment_may_go_to_its_limit(active: bool, limit: float)
     found = compensation_settings(machine)
     assert found is not None
     assert found.moment_limit_nm == limit
+
+
+def test_an_ideal_drive_has_no_laws_and_no_calibration_leaves_nothing_to_watch() -> None:
+    improved = improved_machine()
+    assert compensation(improved) is not None
+    assert compensation(with_values(improved, {"drive.kind": "ideal"})) is None
+    assert compensation(default_machine()) is None
+    assert what_is_not_watched(default_machine()) == ()
+    assert what_is_not_watched(improved.calibrated(None)) == ()
+
+
+@pytest.mark.parametrize(("limit_deg", "step_rad"), [(0.007, 1.745329e-5), (0.0, 1.0)])
+def test_the_step_between_models_of_the_backlash_is_never_nothing(limit_deg: float, step_rad: float) -> None:
+    """Eight models: seven steps."""
+    machine = with_values(improved_machine(), {"control.compensation.backlash_observer.limit_deg": limit_deg})
+    assert _numbers(machine)["backlash_step_rad"] == approx(step_rad)

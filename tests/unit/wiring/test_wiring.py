@@ -23,6 +23,7 @@ from gantryctl.runtime import (
 )
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import deg, rad
+from gantryctl.wiring import simulator
 from gantryctl.wiring.engine import build_engine, build_program, recording_metadata
 from gantryctl.wiring.program import axis_settings, motion_limits, position_law, ramps_deg
 from gantryctl.wiring.simulator import delivered_zero_counts, drive_params, plant_params, sim_drive
@@ -243,3 +244,53 @@ def test_plans_are_kept_when_asked_for() -> None:
     )
     engine.run_for(0.1)
     assert len(engine.program.axis.plans) == 2
+
+
+def test_a_gentle_end_lengthens_the_shortest_move() -> None:
+    """0.2 deg/s2 at 0.1 instead of 0.4 deg/s3 take 1.5 s longer, from 0.2 deg/s on: 0.3 deg."""
+    base = {"virtual_axis.profile": "jerk_limited", "virtual_axis.jerk_deg_s3": 0.4}
+    end = {"virtual_axis.end_dec_deg_s2": 0.2, "virtual_axis.end_jerk_deg_s3": 0.1}
+    plain = with_values(MACHINE, base | end)
+    gentle = with_values(plain, {"virtual_axis.gentle_end": True})
+    assert ramps_deg(gentle, 3.0) - ramps_deg(plain, 3.0) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("machine", "changes", "fine"),
+    [
+        (MACHINE, {}, True),
+        (MACHINE, {"drive.speed_loop.feedback": "counts"}, False),
+        (IDEAL, {}, False),
+        (BUS, {}, True),
+        # The loop of a drive on a bus has its own reading; the controller sees 6064.
+        (BUS, {"drive.speed_loop.feedback": "counts"}, True),
+        (BUS, {"can.increments_per_turn": 2**18}, True),
+        (BUS, {"can.increments_per_turn": 2**18 - 1}, False),
+    ],
+)
+def test_an_encoder_shows_the_twist_of_a_shaft_from_18_bits_on(
+    machine: Machine, changes: dict[str, object], fine: bool
+) -> None:
+    """30 N m turn the shaft by 3.75e-5 rad against its closed brake: 1.6 steps of 18 bits."""
+    monitors = axis_settings(with_values(machine, changes)).monitors
+    assert monitors.encoder_shows_twist is fine
+    assert monitors.torque_still_max_nm == (40.0 if fine else math.inf)
+
+
+@pytest.mark.parametrize(
+    ("backlash_mm", "thermal", "switch", "gap"),
+    [(0.2, False, True, True), (0.0, False, True, False), (0.0, True, True, True), (0.2, True, False, False)],
+)
+def test_gears_that_close_at_one_temperature_have_a_gap_at_another(
+    backlash_mm: float, thermal: bool, switch: bool, gap: bool
+) -> None:
+    changes = {"plant.transmission.backlash_mm": backlash_mm, "plant.switches.backlash": switch}
+    assert plant_params(with_values(MACHINE, changes | {"plant.switches.thermal": thermal})).backlash is gap
+
+
+def test_the_zero_of_a_new_machine_lies_behind_the_lead_of_its_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The motor of a load at 20 deg that it leads by a quarter of a degree stands at 20.25 deg."""
+    monkeypatch.setattr(simulator, "lead_deg", lambda machine, angle_deg: 0.25)
+    read = sim_drive(MACHINE, 20.0).read().pos_act_counts
+    motor_deg = (read - delivered_zero_counts(MACHINE, 20.0)) / 4_194_304 / 1144.0 * 360.0
+    assert motor_deg == pytest.approx(20.25, abs=1e-6)
