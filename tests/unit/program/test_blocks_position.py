@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from gantryctl.errors import UsageError
-from gantryctl.program import AxisState
+from gantryctl.program import AxisState, Code, Reaction
 from gantryctl.program.axis.parameters import Parameter
 from gantryctl.program.blocks import (
     AbortTrigger,
@@ -17,6 +17,7 @@ from gantryctl.program.blocks import (
     DigitalCamSwitch,
     MoveAbsolute,
     MoveRelative,
+    ReadAxisError,
     ReadAxisInfo,
     ReadBoolParameter,
     ReadParameter,
@@ -27,7 +28,7 @@ from gantryctl.program.settings import TravelSettings
 from gantryctl.units import deg, rad
 from unit.program import rig as rigs
 from unit.program.block_bench import Bench, call, outputs, standing
-from unit.program.rig import COUNTS_PER_TURN, RATIO, Rig
+from unit.program.rig import COUNTS_PER_TURN, RATIO, Rig, moving_rig
 
 SPEED_DEG_S = 6.0
 
@@ -334,3 +335,33 @@ def test_axis_info_follows_inputs_and_drive(rig: Rig) -> None:
     assert info.limit_switch_pos
     assert not info.limit_switch_neg
     assert not info.ready_for_power_on
+
+
+def test_a_probe_shows_its_end_while_execute_is_true_and_takes_no_angle_in_doubt():
+    rig = standing()
+    probe = TouchProbe(rig.axis)
+    call(rig, probe, execute=True, trigger=False)
+    rig.axis.feedback.in_doubt = True
+    probe(execute=True, trigger=True)
+    assert probe.busy, "the angle is not known"
+    rig.axis.feedback.in_doubt = False
+    probe(execute=True, trigger=False)
+    probe(execute=True, trigger=True)
+    assert probe.done
+    probe(execute=False, trigger=False)
+    assert not probe.done
+
+
+def test_a_reader_that_is_not_enabled_keeps_what_it_has_read():
+    rig = moving_rig()
+    rig.axis.alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="a test")
+    error, info = ReadAxisError(rig.axis), ReadAxisInfo(rig.axis)
+    info(enable=True)
+    error(enable=True)
+    assert error.axis_error_id == "CTL-02"
+    assert info.power_on
+    rig.axis.alarms.clear()
+    for block in (error, info):
+        block(enable=False)
+        assert not block.valid
+    assert error.axis_error_id == "CTL-02"

@@ -11,12 +11,20 @@ from gantryctl.cli.text import shown
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program import GantryProgram, Refusal
-from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.command_checks import (
+    check_direction,
+    check_jerk,
+    check_ramp,
+    check_setting,
+    check_target,
+)
 from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.program import speed_settings, travel_settings
 from gantryctl.wiring.simulator import ideal_drive
+from unit.program.rig import Rig, settings
 
 MACHINE = default_machine()
 TRAVEL, SPEED = travel_settings(MACHINE), speed_settings(MACHINE)
@@ -107,3 +115,28 @@ def test_zero_is_shown_without_a_minus() -> None:
     assert f"{shown(-0.00001, 4):.4f}" == "0.0000"
     assert f"{shown(-0.0, 2):.2f}" == "0.00"
     assert shown(-1.23456, 2) == -1.23
+
+
+@pytest.mark.parametrize(
+    ("acc_deg_s2", "refused"), [(4.0, False), (2.0, False), (4.01, True), (0.0, True), (math.nan, True)]
+)
+def test_an_acceleration_is_at_most_the_machines_and_the_ramp_down_goes_with_it(acc_deg_s2, refused):
+    rig = Rig(config=settings(acc=4.0, dec=2.0))
+    rig.power_up()
+    assert (rig.axis.set_acceleration(rad(acc_deg_s2)) is not None) is refused
+    if not refused:
+        assert deg(rig.axis.virtual.ramps.dec_rad_s2) == pytest.approx(0.5 * acc_deg_s2)
+    rig.move(50.0)
+    rig.run(0.2)
+    assert rig.axis.set_acceleration(rad(1.0)) is not None, "at standstill only"
+
+
+def test_the_ramps_of_the_machine_are_ramps_of_a_motion():
+    assert check_ramp(Words.NAME_ACCELERATION, 1.0, 1.0) is None
+    assert check_ramp(Words.NAME_ACCELERATION, 1.0001, 1.0) is not None
+    assert check_jerk(1.0, 1.0) is None
+    assert check_jerk(1.0001, 1.0) is not None
+    assert check_jerk(math.inf, math.inf) is None
+    for wrong in (0.0, -1.0, math.nan):
+        assert check_jerk(wrong, math.inf) is not None
+        assert check_ramp(Words.NAME_ACCELERATION, wrong, 1.0) is not None

@@ -394,3 +394,41 @@ def test_letting_go_of_the_enabling_switch_stops(continuous):
     rig.drive.inputs = DigitalInputs()
     rig.hold_key(0.5)
     assert rig.axis.state is AxisState.STANDSTILL, "the key must be pressed again"
+
+
+def test_a_remote_key_that_was_let_go_is_not_stopped_once_more_by_the_switch():
+    rig = powered()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0), remote=True)
+    press(rig, forward=True)
+    rig.hold_key(1.5)
+    press(rig, forward=False)
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.run(2.0)
+    # Nor by its lease, which runs out on the ramp.
+    assert not {"INT-05", "CTL-15"} & {str(alarm.code) for alarm in rig.axis.alarms.history}
+    assert rig.vel_deg_s == 0.0
+
+
+def test_both_keys_at_once_are_no_increment():
+    rig = powered()
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(1.0))
+    rig.op(forward=True, reverse=True)
+    assert "both" in rig.refused()
+    rig.run(0.5)
+    assert rig.ref_deg == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("key", ["forward", "reverse"])
+def test_a_key_that_is_pressed_in_a_mode_that_was_refused_is_refused(key):
+    rig = powered()
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(1.0))
+    rig.op(**{key: True})
+    rig.op(mode=Mode.CONTINUOUS)
+    rig.op(**{key: False})
+    rig.run(3.0)
+    at_deg, refusals = rig.ref_deg, rig.axis.refusal_count
+    assert abs(at_deg) == pytest.approx(1.0, abs=1e-5)
+    press(rig, **{key: True})
+    assert rig.axis.refusal_count == refusals + 1
+    rig.hold_key(0.5)
+    assert rig.ref_deg == at_deg

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag
-from gantryctl.program import AxisState, PowerPhase, Reaction
+from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag, LinkFlag
+from gantryctl.program import AxisState, Code, PowerPhase, Reaction
 from gantryctl.units import rad
 from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings
 from unit.program.spoiling import POSITION_ALONE, counts, expect
@@ -226,3 +226,29 @@ def test_an_error_code_that_comes_later_is_told_in_the_same_alarm():
     rig.step()
     assert "hexadecimal 7305" in rig.first.text
     assert rig.codes.count("DRV-01") == 1
+
+
+def test_a_fault_code_that_is_withdrawn_adds_nothing_to_the_alarm_that_it_made():
+    rig = moving_rig()
+    rig.spoil = lambda drive: drive._replace(state=DriveState.FAULT, error_code=0x8250)
+    rig.step()
+    assert rig.codes[0] == "CAN-05"
+    rig.spoil = lambda drive: drive._replace(state=DriveState.FAULT, error_code=0)
+    rig.run(0.01)
+    assert "DRV-01" not in rig.codes
+
+
+def test_a_parameter_that_has_changed_is_told():
+    rig = moving_rig()
+    rig.spoil = lambda drive: drive._replace(changed="6065 is 5, was 6")
+    rig.step()
+    assert "DRV-09" in rig.codes
+    assert "6065 is 5, was 6" in rig.axis.alarms.active[Code.DRV_09].text
+
+
+@pytest.mark.parametrize("flag", [LinkFlag.NONE, LinkFlag.LATE])
+def test_a_connection_without_a_fault_raises_nothing(flag):
+    rig = moving_rig(speed_deg_s=0.6)
+    rig.spoil = lambda drive: drive._replace(link=flag)
+    rig.run(0.1)
+    assert rig.codes == []

@@ -6,7 +6,9 @@ import pytest
 
 from gantryctl.image import DriveRequest, EncoderFlag, LinkFlag
 from gantryctl.program import AxisState, Reaction
+from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.units import rad
+from unit.program.parts import Parts
 from unit.program.rig import Rig, moving_rig, settings
 from unit.program.spoiling import counts, expect
 
@@ -262,3 +264,44 @@ def test_the_output_guard_stops_what_is_no_number():
     assert rig.output.vel_cmd_rad_s == 0.0
     assert rig.output.request is DriveRequest.QUICK_STOP
     assert "speed command nan is not a finite number" in rig.first.text
+
+
+def test_a_following_error_on_a_count_that_stands_is_a_frozen_encoder():
+    parts = Parts()
+    monitors = Monitors(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    parts.virtual.at_rest = False
+    parts.feedback.unchanged_scans = 5
+    parts.after(lambda: monitors.scan(0.0, rad(0.2), 0.0), most_s=0.02)
+    assert parts.codes[-1] == "ENC-02"
+    assert "CTL-03" not in parts.codes
+
+
+def test_a_bad_reading_before_any_other_is_the_first_one():
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(encoder=EncoderFlag.CRC_ERROR)
+    rig.step()
+    assert rig.codes == ["ENC-03"]
+    assert math.isfinite(rig.axis.feedback.counts)
+
+
+def test_a_bad_reading_without_a_speed_is_the_reading_before():
+    """A speed whose telegram is too old, and is no number."""
+    rig = Rig()
+    rig.run(0.1)
+    before = rig.axis.feedback.counts
+    rig.spoil = lambda drive: drive._replace(
+        speed_age_scans=40, vel_act_rad_s=math.nan, encoder=EncoderFlag.CRC_ERROR, pos_act_counts=7
+    )
+    rig.run(0.002)
+    assert rig.axis.feedback.counts == before
+
+
+def test_the_speed_that_was_told_stands_in_for_one_that_is_late():
+    rig = moving_rig()
+    told = rig.axis.feedback.vel_rad_s
+    rig.spoil = lambda drive: drive._replace(speed_age_scans=5, vel_act_rad_s=0.0)
+    rig.step()
+    assert rig.axis.feedback.vel_rad_s == told
+    rig.spoil = lambda drive: drive._replace(speed_age_scans=31, vel_act_rad_s=0.0)
+    rig.step()
+    assert rig.axis.feedback.vel_rad_s == 0.0

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program.axis.command_checks import check_direction, check_target
+from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.settings import TravelSettings
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import travel_settings
+from unit.program.parts import BOTH, Parts
 
 LINEAR = travel_settings(with_values(default_machine(), {"axis.no_go_deg": ((-120.0, -60.0), (60.0, 120.0))}))
 # Of a modulo axis: one sector over the beginning of its turn.
@@ -104,3 +106,32 @@ def test_a_jog_at_the_edge_is_refused_towards_the_sector_only() -> None:
     assert refused is not None
     assert "no-go sector 60.00 to 120.00 deg" in refused.text
     assert check_direction(edge, -1.0, LINEAR) is None
+
+
+def test_a_way_round_that_meets_another_sector_is_none():
+    """From 340 to 20 deg there is a sector both ways."""
+    sectors = ((rad(350.0), rad(370.0)), (rad(170.0), rad(190.0)))
+    travel = TravelSettings(-math.inf, math.inf, -math.inf, math.inf, 0.0, no_go_rad=sectors)
+    refused = check_target(rad(340.0), rad(380.0), travel)
+    assert refused is not None
+    assert refused.text.endswith("there is no way round")
+
+
+@BOTH
+@pytest.mark.parametrize("sides", [(True, False), (False, True), (True, True)])
+def test_a_sector_trips_a_margin_before_it_and_the_end_of_travel_where_it_is(way, sides):
+    """Sectors at +-60 deg with 0.03 deg of margin; 180.5 deg is the end."""
+    parts = Parts()
+    below, above = ((rad(-120.0), rad(-60.0)), (rad(60.0), rad(120.0)))
+    sectors = tuple(sector for sector, there in zip((below, above), sides, strict=True) if there)
+    travel = replace(parts.settings.travel, no_go_rad=sectors, no_go_margin_rad=rad(0.03))
+    config = replace(parts.settings, travel=travel)
+    there = sides[1] if way > 0.0 else sides[0]
+    edge = 59.97 if there else 180.5
+    for off, trips in ((-0.005, False), (0.005, True)):
+        parts.alarms.clear()
+        monitors = Monitors(config, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+        monitors.open_the_way_back(0.0)
+        parts.virtual.at_rest = False
+        monitors.scan(rad(way * (edge + off)), 0.0, 0.0)
+        assert parts.codes == ((["LIM-06"] if there else ["LIM-02"]) if trips else [])

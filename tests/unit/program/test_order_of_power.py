@@ -5,11 +5,12 @@ import math
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, Proof
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, in_scans
 from unit.program.power_steps import P, slip
-from unit.program.rig import RATIO, Rig, moving_rig, settings
+from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
 
 approx = pytest.approx
 LOAD = {"measured": 1.0, "limit": 1.0, "torque": 1.0}
@@ -337,3 +338,55 @@ def test_a_test_of_the_brake_that_is_taken_back_while_the_drive_is_enabled_never
     assert rig.axis.power.phase is P.OFF
     assert rig.axis.brake_test.last.outcome.name == "ABORTED"
     assert rig.axis.brake_test.count == 1
+
+
+def test_power_takes_no_order_that_does_not_belong_to_its_phase():
+    rig = powered()
+    power = rig.axis.power
+    for order in (power.switch_on, power.wake, power.begin_test, power.release_hold):
+        order()
+        assert power.phase is P.ON
+    power.abort_test(Words.STOPPED)
+    assert power.brake_test.count == 0
+    rig.op(power=False)
+    rig.until(lambda: power.phase is P.UNLOADING)
+    for order in (power.switch_off, power.park, power.switch_on):
+        order()
+        assert power.phase is P.UNLOADING
+    slip(rig, 0.021)
+    rig.step()
+    power.switch_off()
+    assert power.phase is P.TORQUE_HOLD
+
+
+def test_a_drive_that_does_not_give_the_torque_back_is_told_and_the_brake_is_all_there_is():
+    """2 s to be enabled."""
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.is_off)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCH_ON_DISABLED)
+    slip(rig, 0.021)
+    rig.run(0.01)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    start = rig.scan
+    rig.until(lambda: rig.axis.power.phase is not P.TORQUE_HOLD, 3.0)
+    assert (rig.scan - start) * rig.period_s == approx(2.0, abs=0.02)
+    assert "DRV-03" in rig.codes
+    assert rig.output.request is DriveRequest.DISABLE
+    assert rig.output.torque_ff_nm == 0.0
+
+
+def test_a_drive_that_leaves_hold_is_not_asked_again():
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING)
+    slip(rig, 0.021)
+    rig.run(0.05)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCH_ON_DISABLED)
+    rig.run(0.01)
+    assert "DRV-04" in rig.codes
+    assert rig.axis.power.phase in (P.TORQUE_OFF, P.OFF)
+    assert rig.output.request is DriveRequest.DISABLE

@@ -4,8 +4,10 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
 from gantryctl.program import AxisState
+from gantryctl.program.axis.permission import why_no_torque
 from gantryctl.program.power.phases import Proof
 from gantryctl.units import rad
+from unit.program.parts import Parts
 from unit.program.power_steps import P, record, slip
 from unit.program.rig import RATIO, Rig, settings
 
@@ -246,3 +248,21 @@ def test_power_is_refused_with_the_reason(inputs, state, reason):
     assert rig.program.power.error
     rig.run(1.0)
     assert rig.output.request is not DriveRequest.ENABLE
+
+
+def test_torque_is_refused_with_an_open_chain_before_an_alarm_says_so():
+    parts = Parts()
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    assert why_no_torque(parts.feedback, parts.alarms) is None
+    parts.feedback.inputs = DigitalInputs(estop_ok_2=False)
+    refused = why_no_torque(parts.feedback, parts.alarms)
+    assert refused is not None
+    assert "emergency" in refused.text
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_brake_without_a_contact_is_not_told_as_open(known):
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=True, brake_contact=known)
+    rig.run(0.6)
+    assert rig.codes == (["BRK-06"] if known else [])

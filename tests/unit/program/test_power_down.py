@@ -10,7 +10,7 @@ from gantryctl.program.feedback import ENABLED
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg, rad
 from unit.program.power_steps import P, record, slip
-from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings
+from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, powered, settings
 
 
 def test_down_in_reverse():
@@ -425,3 +425,25 @@ def test_each_phase_of_the_way_down_lasts_its_time(period_s):
     # A phase ends in the scan that finds its time over, which already belongs to the next one.
     assert lasted[P.CLOSING] == pytest.approx(closing, abs=1)
     assert lasted[P.UNLOADING] == pytest.approx(4 * step, abs=1)
+
+
+@pytest.mark.parametrize("phase", [P.CLOSING, P.UNLOADING, P.DISABLING])
+def test_power_is_not_asked_for_while_the_axis_goes_off(phase):
+    rig = powered()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is phase)
+    refused = rig.axis.power_on()
+    assert refused is not None
+    assert refused.code is Code.PWR_04
+    rig.run(1.0)
+    assert rig.axis.is_off
+
+
+def test_power_that_is_switched_off_at_standstill_shows_no_stopping():
+    rig = powered()
+    rig.op(power=False)
+    states = set()
+    while not rig.axis.is_off:
+        states.add(rig.axis.state)
+        rig.step()
+    assert AxisState.STOPPING not in states

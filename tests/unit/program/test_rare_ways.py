@@ -10,6 +10,7 @@ from gantryctl.program import Code, Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.blocks import DigitalCamSwitch, ReadActualPosition, ReadStatus, Stop
 from gantryctl.units import rad
+from unit.program.parts import BOTH
 from unit.program.power_steps import P, slip
 from unit.program.rig import RATIO, Rig, moving_rig, settings
 
@@ -197,3 +198,79 @@ def test_halt_is_obeyed_while_a_warning_forbids_the_next_motion():
     rig.op(move=True, target_rad=rad(10.0), speed_rad_s=rad(2.0))
     assert rig.refused()
     assert rig.vel_deg_s == 0.0
+
+
+def test_no_torque_stays_on_a_reading_in_doubt_whatever_the_next_alarm_asks_for():
+    rig = moving_rig()
+    rig.axis.feedback.in_doubt = True
+    rig.op(quick_stop=True)
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    assert rig.output.request is DriveRequest.DISABLE
+
+
+def test_an_alarm_that_ends_motions_leaves_a_quick_stop_as_it_is():
+    rig = moving_rig()
+    rig.op(quick_stop=True)
+    rig.run(0.1)
+    rig.axis.alarms.raise_(Code.INT_07, measured="a test")
+    rig.run(0.1)
+    assert rig.axis.power.phase is P.QUICK_STOPPING
+
+
+def test_a_stop_by_the_brake_ends_without_its_contact_when_the_axis_rests_and_the_time_is_over():
+    """150 ms to close and 300 ms for the contact; until then nobody says that it is shut."""
+    rig = moving_rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    start = rig.scan
+    rig.until(lambda: rig.axis.is_off, 2.0)
+    assert (rig.scan - start) * rig.period_s == pytest.approx(0.450, abs=0.005)
+    rig.run(0.5)
+    assert "BRK-06" in rig.codes
+
+
+@BOTH
+def test_a_load_that_the_brake_does_not_stop_is_told_with_a_speed_without_a_sign(way):
+    rig = moving_rig(at_deg=0.0 if way > 0.0 else 60.0)
+    assert math.copysign(1.0, rig.vel_deg_s) == way
+    speed = rig.drive.vel_rad_s
+
+    def slides(drive):
+        rig.drive.pos_motor_rad += speed * rig.period_s
+        return drive._replace(vel_act_rad_s=speed)
+
+    rig.spoil = slides
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.run(3.1)
+    assert rig.axis.alarms.active[Code.BRK_11].values["measured"] == pytest.approx(6.0, abs=0.01)
+
+
+def test_a_brake_contact_that_opens_again_counts_anew():
+    rig = moving_rig()
+    for _ in range(3):
+        rig.spoil = lambda drive: drive._replace(brake_open=False)
+        rig.run(0.25)
+        rig.spoil = None
+        rig.run(0.01)
+    assert rig.codes == []
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_torque_against_the_motion_is_asked_about_at_rest_only(way):
+    """In motion the resonance of the load may turn the shaft against it."""
+    parts = {"velocity_deviation_rad_s": math.inf, "following_error_base_rad": math.inf}
+    rig = moving_rig(at_deg=0.0 if way > 0.0 else 60.0, speed_deg_s=3.0, config=settings(monitors=parts))
+    sign = math.copysign(1.0, rig.vel_deg_s)
+    more = 0.0
+
+    def swings(drive):
+        nonlocal more
+        more += 0.01
+        return drive._replace(
+            vel_act_rad_s=drive.vel_act_rad_s + sign * rad(min(more, 0.3)) * RATIO,
+            torque_act_nm=-sign * 340.0,
+        )
+
+    rig.spoil = swings
+    rig.run(0.1)
+    assert "ENC-12" not in rig.codes

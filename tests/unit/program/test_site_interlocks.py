@@ -4,7 +4,9 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, Mode
 from gantryctl.program import AxisState, PowerPhase, Reaction
+from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.units import rad
+from unit.program.parts import PERIODS, Parts
 from unit.program.rig import Rig, moving_rig, powered, press, settings
 from unit.program.spoiling import expect
 
@@ -247,3 +249,18 @@ def test_a_machine_without_these_inputs_is_not_watched():
     rig.run(1.0)
     assert rig.drive.inputs == DigitalInputs()
     assert not rig.codes
+
+
+@pytest.mark.parametrize("name", ["collision_ok", "door_ok", "motion_permit"])
+@PERIODS
+@pytest.mark.parametrize(("lasts_s", "loose"), [(59.0, True), (61.0, False)])
+def test_six_openings_within_a_minute_are_a_loose_wire_at_any_time_of_the_day(name, period_s, lasts_s, loose):
+    parts = Parts(period_s)
+    site = SiteInterlocks(parts.settings, parts.feedback, parts.alarms)
+    for opening in range(6):
+        parts.alarms.time_s = 5000.0 + opening * lasts_s / 5.0
+        for closed in (True, False):
+            parts.feedback.inputs = DigitalInputs(**{name: closed})
+            site.scan(0.0, powered=False, moving=False)
+    assert parts.codes == (["INT-02"] if loose else [])
+    assert parts.alarms.horn is False

@@ -1,0 +1,36 @@
+"""What an axis tells of itself: at its start, in motion, and where it does not know."""
+
+from gantryctl.image import DigitalInputs
+from gantryctl.program import AxisState, Code
+from gantryctl.program.alarms.words import Words
+from gantryctl.units import rad
+from unit.program.rig import RATIO, Rig, moving_rig
+
+
+def test_a_new_axis_stands_at_no_time_and_commands_nothing():
+    axis = Rig().axis
+    assert (axis.scan, axis.time_s, axis.vel_cmd_rad_s, axis.pos_err_rad) == (-1, 0.0, 0.0, 0.0)
+    assert (axis.state, axis.refusal, axis.refusal_count) == (AxisState.DISABLED, None, 0)
+    assert axis.calibration_memory == {}
+    assert axis.torque_weights == ()
+
+
+def test_an_axis_that_moves_is_not_told_as_at_rest():
+    rig = moving_rig()
+    assert not rig.output.at_rest
+    assert not rig.output.in_position
+    assert rig.output.lamp
+    rig.op(halt=True)
+    rig.run(3.0)
+    assert rig.output.at_rest
+    rig.spoil = lambda drive: drive._replace(vel_act_rad_s=rad(0.021) * RATIO)
+    rig.step()
+    assert not rig.output.at_rest, "the shaft turns"
+
+
+def test_an_angle_that_is_not_known_is_not_told():
+    rig = moving_rig()
+    rig.axis.feedback.in_doubt = True
+    rig.drive.inputs = DigitalInputs(mains_ready=False)
+    rig.step()
+    assert Words.AT_UNKNOWN in rig.axis.alarms.active[Code.PWR_01].values.values()

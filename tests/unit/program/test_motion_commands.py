@@ -1,0 +1,181 @@
+"""Motions that wait, are taken over, ended or refused on their way: what becomes of each."""
+
+import math
+
+import pytest
+
+from gantryctl.image import BufferMode, Mode
+from gantryctl.program import AxisState, Code
+from gantryctl.program.axis.motion_command import CommandStatus
+from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
+from gantryctl.program.settings import StandstillPolicy, TravelSettings
+from gantryctl.units import rad
+from unit.program.block_bench import Bench, call, standing
+from unit.program.parts import BOTH
+from unit.program.power_steps import P
+from unit.program.rig import Rig, moving_rig, powered, press, settings
+
+approx = pytest.approx
+PARKS = {"standstill": StandstillPolicy.BRAKE, "hold_brake_after_s": 0.3}
+
+
+@pytest.fixture
+def parked():
+    rig = Rig(config=settings(**PARKS))
+    rig.power_up()
+    rig.until(lambda: rig.axis.power.phase is P.PARKED, 5.0)
+    return rig
+
+
+def test_a_key_that_is_released_before_the_brake_is_open_moves_nothing(parked):
+    parked.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    press(parked, forward=True)
+    assert parked.axis.motion.waiting is not None
+    parked.run(0.05)
+    press(parked, forward=False)
+    assert parked.axis.motion.waiting is None
+    parked.run(2.0)
+    assert parked.ref_deg == approx(0.0, abs=1e-4)
+
+
+def test_what_waits_behind_a_motion_that_cannot_begin_is_dropped_with_it(parked):
+    """The permit is taken away between the command and the open brake."""
+    motion = parked.axis.motion
+    first = motion.move_absolute(rad(5.0), rad(6.0))
+    second = motion.move_absolute(rad(8.0), rad(6.0), buffer_mode=BufferMode.BUFFERED)
+    assert motion.waiting is first
+    assert motion.buffered is second
+    parked.axis.interlocks.permitted = False
+    parked.until(lambda: not first.alive, 3.0)
+    assert first.status is CommandStatus.ERROR
+    assert second.status is CommandStatus.ABORTED
+    parked.run(1.0)
+    assert parked.ref_deg == approx(0.0, abs=1e-4)
+
+
+def test_paused_is_a_motion_that_override_0_holds_back_under_way_or_before_the_brake(parked):
+    assert not parked.axis.paused
+    parked.op(override=0.0)
+    assert not parked.axis.paused, "nothing is under way"
+    parked.move(5.0)
+    assert parked.axis.paused
+    parked.op(override=1.0)
+    assert not parked.axis.paused
+    parked.until(lambda: abs(parked.vel_deg_s) > 1.0, 5.0)
+    parked.op(override=0.0)
+    parked.run(2.0)
+    assert parked.axis.paused
+    assert parked.vel_deg_s == 0.0
+
+
+def test_a_paused_motion_that_is_ended_is_over_at_once():
+    rig = moving_rig()
+    rig.op(override=0.0)
+    rig.run(3.0)
+    rig.axis.stop_by(Code.INT_05, measured=2.0, limit=1.0)
+    assert rig.axis.motion.current is None
+    assert rig.program.move.command is None or not rig.program.move.command.alive
+    rig.op(override=1.0)
+    at_deg = rig.ref_deg
+    rig.run(1.0)
+    assert rig.ref_deg == at_deg
+
+
+def test_a_second_stop_takes_over_the_first():
+    rig = standing()
+    first, second = Stop(rig.axis), Stop(rig.axis)
+    call(rig, first, execute=True)
+    held = rig.axis.motion.stop_command
+    call(rig, second, execute=True)
+    assert held is not None
+    assert held.status is CommandStatus.ABORTED
+    assert rig.axis.motion.stop_command is second.command or second.done
+    call(rig, first, execute=False)
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.STOPPING, "the second one holds it"
+    call(rig, second, execute=False)
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.STANDSTILL
+
+
+def test_an_end_of_motions_at_standstill_ends_nothing():
+    rig = powered()
+    rig.axis.stop_by(Code.INT_05, measured=2.0, limit=1.0)
+    rig.step()
+    assert rig.axis.state is AxisState.STANDSTILL
+    assert rig.axis.motion.current is None
+
+
+def test_no_motion_is_taken_while_power_goes_off():
+    rig = moving_rig()
+    rig.op(power=False)
+    rig.move(10.0)
+    assert rig.refused()
+    rig.run(4.0)
+    assert rig.axis.is_off
+
+
+@BOTH
+def test_a_motion_that_cannot_stop_before_the_end_of_travel_is_refused(way):
+    """At 6 deg/s, 10 deg before the end, a ramp of 0.5 deg/s2 takes 36 deg."""
+    rig = Rig(Bench, at_deg=way * 150.0)
+    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 5.0)
+    move = MoveAbsolute(rig.axis)
+    call(rig, move, execute=True, position_rad=rad(way * 179.0), velocity_rad_s=rad(6.0))
+    rig.until(lambda: way * rig.ref_deg > 170.0, 5.0)
+    gentle = MoveAbsolute(rig.axis)
+    call(
+        rig, gentle, execute=True, position_rad=rad(way * 175.0), velocity_rad_s=rad(6.0),
+        deceleration_rad_s2=rad(0.5),
+    )  # fmt: skip
+    assert gentle.error_id == "CTL-17"
+    rig.until(lambda: move.done, 5.0)
+    assert rig.pos_deg == approx(way * 179.0, abs=1e-3)
+
+
+@BOTH
+def test_a_stop_that_would_leave_the_travel_is_the_ramp_that_is_under_way(way):
+    """From 6 deg/s the motion stops with 5.4 deg/s2 in 3.33 deg, Stop with 5 in 3.75."""
+    rig = Rig(at_deg=way * 160.0, config=settings(dec=5.4))
+    rig.power_up()
+    rig.move(way * 180.0)
+    rig.until(lambda: way * rig.ref_deg > 176.6, 6.0)
+    rig.op(stop=True)
+    rig.run(3.0)
+    assert rig.codes == []
+    assert rig.ref_deg == approx(way * 180.0, abs=1e-6)
+    assert rig.axis.state is AxisState.STOPPING
+
+
+def test_an_override_that_would_leave_the_travel_stays_what_it_was():
+    rig = moving_rig()
+    virtual = rig.axis.virtual
+    virtual._travel = TravelSettings(rad(-1.0), rad(1.0), rad(-2.0), rad(2.0))
+    virtual.pos_ref_rad = rad(0.5)
+    refused = rig.axis.set_override(0.5)
+    assert refused is not None
+    assert virtual.override == 1.0
+
+
+def test_an_override_that_is_no_number_is_refused_once_and_the_next_one_is_taken():
+    rig = Rig()
+    override = SetOverride(rig.axis)
+    for _ in range(2):
+        override(override=math.nan)
+    assert rig.axis.refusal_count == 1
+    override(override=0.5)
+    assert rig.axis.virtual.override == 0.5
+    assert not override.error
+    override(enable=False, override=1.0)
+    assert rig.axis.virtual.override == 0.5
+
+
+def test_the_speed_is_reached_from_the_scan_on_in_which_it_is():
+    rig = standing()
+    block = MoveVelocity(rig.axis)
+    call(rig, block, execute=True, velocity_rad_s=rad(-2.0))
+    for _ in range(1000):
+        rig.step()
+        assert block.in_velocity is (abs(rig.vel_deg_s) >= 2.0 * (1.0 - 1e-9))
+    assert block.in_velocity
+    assert block.attention, "it may lose its speed at any time"

@@ -1,0 +1,109 @@
+"""The torque proof, its ramp to the preload, the holding torque that is learned: both ways; figures by hand."""
+
+import math
+
+import pytest
+
+from gantryctl.program import Reaction
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.power.torque_proof import TorqueProof
+from unit.program.parts import BOTH, PERIODS, Parts
+from unit.program.rig import settings
+
+approx = pytest.approx
+
+
+def proof_of(parts, holding_nm=0.0):
+    parts.holding.mean_nm = holding_nm
+    parts.holding.preload()
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    return proof, proof.begin()
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("torque_nm", "proven", "codes"),
+    [(23.9, False, []), (24.0, True, []), (89.9, True, []), (90.1, False, ["DRV-14"]), (-24.0, False, []),
+     (-89.9, False, []), (-90.1, False, ["DRV-14"]), (math.nan, False, ["DRV-14"])],
+)  # fmt: skip
+def test_80_percent_of_30_nm_prove_it_and_60_more_are_a_wrong_reading(way, torque_nm, proven, codes):
+    parts = Parts()
+    proof, asked = proof_of(parts, way * 12.0)
+    assert asked == way * 30.0
+    parts.feedback.torque_nm = way * torque_nm
+    assert proof.given(1) is proven
+    assert parts.codes == codes
+    assert parts.holding.believed is not bool(codes)
+    if codes:
+        assert parts.reaction("DRV-14") is Reaction.QUICK_STOP
+
+
+@PERIODS
+def test_the_motor_has_half_a_second_to_give_the_proof(period_s):
+    parts = Parts(period_s)
+    proof, _ = proof_of(parts)
+    scans = 0
+
+    def scan():
+        nonlocal scans
+        scans += 1
+        proof.given(scans)
+
+    assert parts.after(scan, most_s=1.0) == approx(0.5 + period_s)
+    assert parts.codes == ["BRK-07"]
+
+
+@BOTH
+@PERIODS
+def test_from_the_proof_to_the_preload_in_50_ms_and_as_long_again(period_s, way):
+    parts = Parts(period_s)
+    proof, _ = proof_of(parts, way * 10.0)
+    ramp = math.ceil(0.050 / period_s - 1e-9)  # 50, 13 and 5 scans
+    assert proof.settling_torque_nm(ramp) == approx(way * 10.0)
+    assert proof.settling_torque_nm(5 * ramp) == approx(way * 10.0)
+    assert proof.settling_torque_nm(1) == approx(way * (30.0 - 20.0 / ramp))
+    assert not proof.settled(2 * ramp - 1)
+    assert proof.settled(2 * ramp)
+
+
+@BOTH
+@pytest.mark.parametrize(("counts", "codes"), [(1, []), (0, ["ENC-02"]), (-1, ["ENC-12"]), (25, [])])
+def test_a_fine_encoder_shows_the_turn_against_the_brake_in_the_direction_of_the_torque(way, counts, codes):
+    parts = Parts(monitors={"encoder_shows_twist": True})
+    proof, _ = proof_of(parts, way * 12.0)
+    parts.feedback.torque_nm = way * 30.0
+    begun = parts.feedback.counts
+    parts.feedback.counts = begun + way * counts
+    proof.given(1)
+    parts.feedback.counts = begun  # the load swings back
+    for scans in range(99):
+        proof.settling_torque_nm(scans)
+    assert proof.settled(100) is not bool(codes)
+    assert parts.codes == codes
+    assert parts.feedback.in_doubt is bool(codes)
+    if codes == ["ENC-02"]:
+        assert parts.alarms.active[Code.ENC_02].values["time_ms"] == approx(100.0)
+
+
+@BOTH
+@PERIODS
+def test_the_holding_torque_is_learned_within_its_second_and_below_60_percent_of_the_rated_torque(
+    period_s, way
+):
+    holding = HoldingTorque(settings(period_s=period_s))
+    for _ in range(round(1.0 / period_s)):
+        holding.learn(way * 100.0)
+    assert holding.mean_nm == approx(way * 63.2, abs=0.3)  # 1 - 1/e
+    kept = holding.mean_nm
+    # 154.2 of 257 N m
+    for wrong in (154.3, math.nan, math.inf):
+        holding.learn(way * wrong)
+        holding.learn(-way * wrong)
+    assert holding.mean_nm == kept
+    holding.believed = False
+    holding.learn(0.0)
+    assert holding.mean_nm == kept
+    holding.believed = True
+    holding.learn(way * 154.1)
+    assert abs(holding.mean_nm) > abs(kept)
