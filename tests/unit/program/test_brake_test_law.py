@@ -188,3 +188,32 @@ def test_the_first_verdict_stays_but_for_a_brake_that_slips_afterwards():
     motor.test.end(BrakeTestOutcome.ABORTED, Words.STOPPED)
     motor.test.slipped_afterwards()
     assert motor.test.finish().outcome is BrakeTestOutcome.ABORTED, "what was not tested has not failed"
+
+
+def test_a_test_knows_nothing_of_the_one_before():
+    """The first one ends with 130 N m of correction, and half a degree on."""
+    motor = Motor()
+    motor.gives = lambda _: HOLD_NM
+    for _ in range(1000):
+        motor.scan()
+    motor.pos_rad = rad(0.5)
+    motor.scan()
+    assert motor.test.outcome is BrakeTestOutcome.FAILED
+    motor.test.finish()
+    motor.test.prepare(HOLD_NM)
+    motor.test.begin()
+    assert (motor.test.moved_rad, motor.test.words) == (0.0, None)
+    # 0.13 N m a scan on the ramp, and a hundredth of what is missing.
+    assert motor.test.scan(HOLD_NM, rad(0.5)) == approx(HOLD_NM + 0.13, abs=0.01)
+    assert motor.test.moved_rad == 0.0
+
+
+def test_the_torque_is_asked_back_to_the_end_before_it_goes_off():
+    motor = Motor()
+    motor.to(P.DISABLING)
+    assert motor.test.on_brake_nm == 0.0
+    motor = Motor()
+    motor.to(P.RELIEVING)
+    motor.torque_nm = HOLD_NM
+    motor.gives = lambda _: HOLD_NM
+    assert motor.to(P.DISABLING) == approx(0.5, abs=0.002), "whatever the motor says"

@@ -156,3 +156,12 @@ def test_a_load_that_the_drive_slows_down_is_left_to_it(way):
         parts.turn(way * 0.2)
         watch.scan(0.0)
     assert parts.codes == []
+
+
+@BOTH
+def test_a_motor_that_gives_nothing_yet_drives_no_load(way):
+    parts = Parts()
+    watch = held(parts)
+    parts.turn(way * 0.2)
+    parts.feedback.torque_nm = 0.0
+    assert parts.after(lambda: watch.scan(0.0), most_s=0.2) == math.inf

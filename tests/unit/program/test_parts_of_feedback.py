@@ -401,3 +401,17 @@ def test_a_drift_of_before_counts_no_more_when_the_angle_was_accepted(way):
     encoder.feedback.accept_position()
     encoder.scan(step_deg=way * 0.021)
     assert encoder.codes == []
+
+
+@BOTH
+@PERIODS
+def test_a_count_that_stands_after_steps_without_a_speed_reading_is_frozen(period_s, way):
+    """0.5 deg/s by the steps of the position, either way; the telegram of the speed says nothing yet."""
+    free = {"encoder_drift_max_rad": math.inf, "speed_change_base_rad_s": rad(10.0)}
+    encoder = Encoder(period_s, monitors=ROTOR | free)
+    for _ in range(3):
+        encoder.scan(step_deg=way * 0.5 * period_s)
+    seconds = encoder.after(encoder.scan, most_s=0.2)
+    assert seconds == approx(in_scans(0.030, period_s))
+    assert encoder.codes == ["ENC-02"]
+    assert encoder.alarms.active[Code.ENC_02].values["measured"].values["value"] == approx(0.5, rel=1e-3)

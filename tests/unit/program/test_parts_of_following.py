@@ -4,6 +4,7 @@ The reference machine: 385 N m at most, 257 rated, quick stop 5.5 deg/s2, permit
 """
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -356,3 +357,78 @@ def test_torque_of_a_drive_that_is_off_is_watched_while_the_axis_is_released():
     parts.feedback.state, parts.feedback.torque_nm = DriveState.SWITCH_ON_DISABLED, 26.0
     assert parts.after(lambda: watch.scan_released(0.0), most_s=0.5) == approx(0.100)
     assert parts.codes == ["DRV-14"]
+
+
+@BOTH
+@pytest.mark.parametrize("turns", [1.0, -1.0])
+@pytest.mark.parametrize(("more_deg", "trips"), [(-0.01, False), (0.01, True)])
+def test_before_a_sector_the_way_until_a_stop_acts_counts_in_the_direction_of_motion(
+    way, turns, more_deg, trips
+):
+    """3 deg/s for 10 ms are 0.03 deg, and 9 / 11 = 0.818 of the ramp: at 59.152 deg they end at a sector at 60."""
+    parts = Parts()
+    sector = (rad(60.0), rad(120.0)) if way > 0.0 else (rad(-120.0), rad(-60.0))
+    travel = replace(parts.settings.travel, no_go_rad=(sector,), no_go_lead_s=0.010)
+    parts.settings = replace(parts.settings, travel=travel)
+    watch = monitors_of(parts, turns * way * 3.0)
+    watch.open_the_way_back(0.0)
+    ramp_deg = 9.0 / 11.0
+    one_scan(parts, watch, pos_deg=way * (60.0 - 0.03 - ramp_deg + more_deg))()
+    assert parts.codes == (["LIM-06"] if trips and turns > 0.0 else [])
+
+
+@BOTH
+@pytest.mark.parametrize("end", [1.0, -1.0])
+def test_both_limits_go_on_with_the_turns(way, end):
+    """180.5 deg from a zero that lies a turn further on."""
+    for at_deg, codes in ((180.49, []), (180.51, ["LIM-02"])):
+        parts = Parts()
+        watch = monitors_of(parts)
+        parts.virtual.at_rest = False
+        watch.turn_back(way)
+        one_scan(parts, watch, pos_deg=end * at_deg - way * 360.0)()
+        assert parts.codes == codes
+
+
+def test_a_window_that_was_left_must_be_kept_for_its_whole_time_again():
+    """200 ms; 150 of them before the window was left."""
+    parts = Parts()
+    watch = monitors_of(parts)
+    for _ in range(150):
+        one_scan(parts, watch)()
+    one_scan(parts, watch, error_deg=0.006)()
+    assert parts.after(one_scan(parts, watch), lambda: watch.in_position, 1.0) == approx(0.200)
+    one_scan(parts, watch, error_deg=0.006)()
+    assert not watch.in_position
+    assert parts.after(one_scan(parts, watch), lambda: watch.in_position, 1.0) == approx(0.200)
+
+
+COUNTS = {
+    "following error": ({"error_deg": 0.2}, {}, "CTL-03", 0.010),
+    "deviation": ({"off_deg_s": 0.6}, {"torque_nm": 20.0}, "CTL-05", 0.020),
+    "torque limit": ({"error_deg": 0.02}, {"torque_limited": True}, "CTL-07", 0.200),
+    "brake": ({}, {"brake_open": False}, "BRK-05", 0.300),
+}
+
+
+@pytest.mark.parametrize("name", COUNTS)
+def test_after_a_reset_each_monitor_counts_anew(name):
+    """Two scans before its time is over the monitors are reset; then it takes all of its time."""
+    scan, said, code, time_s = COUNTS[name]
+    parts = Parts()
+    watch = monitors_of(parts, 3.0)
+    for field, value in said.items():
+        setattr(parts.feedback, field, value)
+
+    def begin():
+        if name == "torque limit":
+            one_scan(parts, watch, error_deg=0.001)()
+
+    begin()
+    for _ in range(round(time_s / parts.period_s) - 2):
+        one_scan(parts, watch, **scan)()
+    assert code not in parts.codes
+    watch.reset()
+    begin()
+    seconds = parts.after(one_scan(parts, watch, **scan), lambda: code in parts.codes, 0.5)
+    assert seconds == approx(time_s - (parts.period_s if name == "torque limit" else 0.0))

@@ -107,3 +107,18 @@ def test_the_holding_torque_is_learned_within_its_second_and_below_60_percent_of
     holding.believed = True
     holding.learn(way * 154.1)
     assert abs(holding.mean_nm) > abs(kept)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("turns_deg_s", "codes"), [(0.1, ["DRV-14"]), (0.0, ["DRV-14"]), (-0.019, ["DRV-14"]), (-0.1, ["ENC-12"])]
+)
+def test_too_much_torque_is_a_wrong_reading_of_it_unless_the_shaft_turns_against_it(way, turns_deg_s, codes):
+    """A brake that slips turns with the torque; a shaft that turns against 91 N m is read with the wrong sign."""
+    parts = Parts()
+    proof, _ = proof_of(parts, way * 12.0)
+    parts.feedback.torque_nm = way * 91.0
+    parts.turn(way * turns_deg_s)
+    assert not proof.given(1)
+    assert parts.codes == codes
+    assert parts.feedback.in_doubt is (codes == ["ENC-12"])
