@@ -1,7 +1,9 @@
 """What an axis tells of itself: at its start, in motion, and where it does not know."""
 
+import pytest
+
 from gantryctl.image import DigitalInputs
-from gantryctl.program import AxisState, Code
+from gantryctl.program import AxisState, Code, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import rad
 from unit.program.rig import RATIO, Rig, moving_rig
@@ -34,3 +36,19 @@ def test_an_angle_that_is_not_known_is_not_told():
     rig.drive.inputs = DigitalInputs(mains_ready=False)
     rig.step()
     assert Words.AT_UNKNOWN in rig.axis.alarms.active[Code.PWR_01].values.values()
+
+
+@pytest.mark.parametrize("phase", [PowerPhase.CLOSING, PowerPhase.QUICK_STOPPING])
+def test_a_shaft_is_tried_by_speed_commands_only_where_the_axis_follows_at_rest(phase):
+    """What is left of a try does not go into a motion or a stop."""
+    rig = moving_rig()
+    planned = rig.output.vel_cmd_rad_s
+    rig.axis.liveness.vel_rad_s = 1.0
+    rig.step()
+    # The loop corrects some counts; the try would be 1 rad/s of 120.
+    assert rig.output.vel_cmd_rad_s == pytest.approx(planned, abs=1e-3)
+    rig.op(**({"power": False} if phase is PowerPhase.CLOSING else {"quick_stop": True}))
+    rig.until(lambda: rig.axis.power.phase is phase, 5.0)
+    rig.axis.liveness.vel_rad_s = 1.0
+    rig.step()
+    assert rig.output.vel_cmd_rad_s == 0.0

@@ -6,7 +6,9 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program import AxisState, Code, PowerPhase, Reaction
+from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.units import rad
+from unit.program.parts import Parts
 from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings
 from unit.program.spoiling import POSITION_ALONE, counts, expect
 
@@ -252,3 +254,18 @@ def test_a_connection_without_a_fault_raises_nothing(flag):
     rig.spoil = lambda drive: drive._replace(link=flag)
     rig.run(0.1)
     assert rig.codes == []
+
+
+@pytest.mark.parametrize(
+    ("error_code", "code"),
+    [(0x3210, "DRV-10"), (0x8250, "CAN-05"), (0x8130, "CAN-05"), (0x8611, "DRV-01"), (0, "DRV-01")],
+)
+@pytest.mark.parametrize("state", [DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE])
+def test_a_fault_of_the_drive_has_the_alarm_of_its_cause(error_code, code, state):
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.state, parts.feedback.error_code = state, error_code
+    interlocks.scan(0.0, powered=True)
+    assert parts.codes == [code]
+    interlocks.scan(0.0, powered=True)
+    assert parts.codes == [code], "the same fault is told once"

@@ -179,3 +179,39 @@ def test_the_speed_is_reached_from_the_scan_on_in_which_it_is():
         assert block.in_velocity is (abs(rig.vel_deg_s) >= 2.0 * (1.0 - 1e-9))
     assert block.in_velocity
     assert block.attention, "it may lose its speed at any time"
+
+
+def test_ramps_are_set_at_rest_and_not_on_the_ramp_of_a_stop():
+    rig = moving_rig()
+    rig.op(stop=True)
+    rig.run(0.2)
+    assert rig.axis.motion.current is None
+    assert abs(rig.vel_deg_s) > 1.0
+    assert rig.axis.set_acceleration(rad(1.0)) is not None
+    rig.op(stop=False)
+    rig.run(2.0)
+    assert rig.axis.set_acceleration(rad(1.0)) is None
+
+
+@BOTH
+def test_a_key_that_was_let_go_has_not_come_to_the_end_of_travel(way):
+    rig = powered()
+    key = "forward" if way > 0.0 else "reverse"
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    press(rig, **{key: True})
+    rig.hold_key(1.0)
+    press(rig, **{key: False})
+    rig.run(3.0)
+    assert rig.vel_deg_s == 0.0
+    assert not rig.program.jog.at_limit
+    assert not [alarm for alarm in rig.axis.alarms.history if alarm.code is Code.LIM_01]
+
+
+def test_a_motion_that_an_alarm_ends_lasts_until_the_axis_is_at_rest():
+    rig = moving_rig()
+    rig.axis.stop_by(Code.INT_05, measured=2.0, limit=1.0)
+    while rig.vel_deg_s:
+        rig.step()
+        assert rig.axis.state is AxisState.DISCRETE_MOTION or not rig.vel_deg_s
+    rig.run(0.01)
+    assert rig.axis.state is AxisState.STANDSTILL

@@ -22,6 +22,7 @@ class Law:
     def __init__(self):
         self.asked, self.turned_rad, self.pos_rad = [], [], 0.0
         self.torque_nm = self.disagreement_rad = self.change_nm = 0.0
+        self.restarts = self.forgotten = 0
 
     def copy(self):
         return self
@@ -33,10 +34,13 @@ class Law:
     scan_again = scan
 
     def restart(self):
-        pass
+        self.restarts += 1
 
     def forget_bias(self):
-        pass
+        self.forgotten += 1
+
+    def lead(self, pos_rad):
+        return 0.01 * pos_rad
 
     def resting_position(self, _law, _counts):
         return self.pos_rad
@@ -182,3 +186,25 @@ def test_an_encoder_that_shows_another_turn_at_rest_is_read_in_that_of_the_motor
     side.resting(0.0)
     side.scan(parts.virtual, 0.0)
     assert deg(law.asked[-1].ring) == approx(way * 180.0)
+
+
+def test_the_laws_begin_without_memory_each_time_the_axis_follows():
+    _, law, side = load_side()
+    side.begin()
+    side.begin()
+    assert (law.restarts, law.forgotten) == (2, 0)
+
+
+@BOTH
+def test_a_new_reference_puts_the_motor_ahead_by_the_lead_and_forgets_what_the_encoders_differed_by(way):
+    _, law, side = load_side()
+    assert side.new_reference(way * 2.0) == approx(way * 2.02)
+    assert law.forgotten == 1
+
+
+def test_a_command_of_the_same_scan_is_not_watched_twice():
+    parts, law, side = load_side(load_encoder=True, moment_limit_nm=1.0)
+    law.disagreement_rad, law.change_nm, law.torque_nm = rad(1.0), 2.0, 3.0
+    side.scan_again(parts.virtual, 0.0)
+    assert (side.disagreement_rad, side.moment_change_nm) == (0.0, 0.0)
+    assert side.torque_ff_nm == 3.0

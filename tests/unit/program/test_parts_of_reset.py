@@ -359,3 +359,30 @@ def test_a_new_alarm_ends_a_reset_under_way_and_is_followed_from_its_own_start()
     parts.alarms.raise_(Code.CTL_05, measured=1.0, command=1.0, limit=1.0)
     reset.stop_begun(parts.alarms.first_out)
     assert reset._record is not first
+
+
+def test_each_reset_has_its_own_role_and_its_own_second():
+    parts, _, reset = recovery()
+    parts.feedback.state = DriveState.FAULT
+    for service in (True, False):
+        assert reset.request(service) is None
+        assert reset.service is service
+        assert parts.after(reset.finished, lambda: not reset.resetting, 2.0) == approx(1.001)
+
+
+@PERIODS
+@pytest.mark.parametrize(
+    ("reaction", "said", "limit_s"),
+    [
+        (Reaction.QUICK_STOP, {"state": OFF}, 4.0),
+        (Reaction.TORQUE_OFF, {"state": ON}, 0.5),
+        (Reaction.TORQUE_OFF, {"state": OFF}, 2.0),
+    ],
+)
+def test_a_stop_that_takes_longer_than_a_sound_one_is_told_before_its_end(period_s, reaction, said, limit_s):
+    stop = Stop(reaction, period_s)
+    last = math.floor(limit_s / period_s + 1e-9)
+    stop.scan(1, **said)
+    before = stop.scan(last)
+    assert W.STOP_UNCONFIRMED not in before
+    assert stop.scan(last + 1) == (W.STOP_UNCONFIRMED,)

@@ -264,3 +264,16 @@ def test_six_openings_within_a_minute_are_a_loose_wire_at_any_time_of_the_day(na
             site.scan(0.0, powered=False, moving=False)
     assert parts.codes == (["INT-02"] if loose else [])
     assert parts.alarms.horn is False
+
+
+def test_each_input_has_its_own_count_of_openings():
+    """Five of each within a minute are people."""
+    parts = Parts()
+    site = SiteInterlocks(parts.settings, parts.feedback, parts.alarms)
+    for opening in range(5):
+        for number, name in enumerate(("collision_ok", "door_ok", "motion_permit")):
+            parts.alarms.time_s = 3.0 * opening + number
+            for closed in (True, False):
+                parts.feedback.inputs = DigitalInputs(**{name: closed})
+                site.scan(0.0, powered=False, moving=False)
+    assert parts.codes == []

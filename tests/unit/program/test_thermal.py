@@ -7,7 +7,9 @@ import pytest
 
 from gantryctl.image import DriveFeedback, EncoderFlag
 from gantryctl.program import AxisState, PowerPhase, Reaction
+from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.settings import ThermalSettings
+from unit.program.parts import Parts
 from unit.program.rig import Rig, moving_rig, settings
 from unit.program.spoiling import expect
 
@@ -210,3 +212,25 @@ def test_a_motor_that_was_warm_when_its_sensor_failed_is_warm():
     rig.run(1.3)
     assert rig.axis.thermal.share == pytest.approx(0.8696, abs=2e-3)
     assert set(rig.codes) == {"THM-01", "THM-02"}
+
+
+def test_what_is_too_hot_is_told_again_in_the_scan_after_a_reset():
+    parts = Parts()
+    thermal = MotorThermal(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.overload = 0.96
+    thermal.scan(1.0)
+    assert "THM-03" in parts.codes
+    parts.alarms.clear()
+    thermal.scan(1.001)
+    assert "THM-03" in parts.codes
+
+
+def test_a_motor_that_is_warm_is_looked_at_ten_times_a_second():
+    parts = Parts()
+    thermal = MotorThermal(parts.settings, parts.feedback, parts.alarms)
+    thermal.scan(1.0)
+    parts.feedback.overload = 0.81
+    thermal.scan(1.099)
+    assert parts.codes == []
+    thermal.scan(1.1)
+    assert parts.codes == ["THM-01"]
