@@ -317,3 +317,16 @@ def test_liar_a_motor_turn_too_few_in_the_zero_is_seen_by_exact_arithmetic(monke
     with pytest.raises(AssertionError):
         table.judge()
     assert RATIO == 1144.0
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_angle_of_the_scan_in_which_the_zero_moves_on_is_that_of_the_new_zero(way):
+    """At rest at 300 deg the turn is taken off; no scan shows an angle of one turn beside a set-point of another."""
+    turning = Rig(config=modulo())
+    turning.power_up()
+    before = turning.axis.zero_counts
+    turning.axis.motion.move_relative(rad(way * 300.0), rad(FAST_DEG_S))
+    while turning.axis.zero_counts == before:
+        turning.step()
+        assert turning.pos_deg == pytest.approx(turning.ref_deg, abs=100.0), "what the fast axis lags by"
+    assert turning.pos_deg == pytest.approx(-way * 60.0, abs=0.1)

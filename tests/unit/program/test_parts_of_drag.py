@@ -10,9 +10,11 @@ import pytest
 from gantryctl.program import Reaction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.monitors.drag import DragWatch
+from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.oscillation import Oscillation
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+from unit.program.rig import RATIO
 
 approx = pytest.approx
 
@@ -168,3 +170,23 @@ def test_a_swing_of_more_than_a_second_is_told(period_s, way, half_s, told_s):
 def test_a_speed_on_one_side_and_swings_with_half_a_second_between_them_are_none(period_s, way, sides):
     parts = Parts(period_s)
     assert swings(parts, 0.3, tuple(way * side for side in sides), 8.0) == math.inf
+
+
+@BOTH
+def test_a_reset_forgets_what_dragged_before(way):
+    """200 N m beyond any load warn after 1.15 s: twice a second with a reset between them are none."""
+    parts = Parts()
+    watch = Monitors(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    watch.drag.model.add = lambda *_: None
+    parts.virtual.vel_ref_rad_s = parts.feedback.vel_rad_s = way * rad(3.0)
+    parts.virtual.at_rest = False
+    parts.feedback.torque_nm = way * 270.0
+    for _ in range(2):
+        watch.reset()
+        for _ in range(1000):
+            parts.alarms.scan += 1
+            watch.scan(0.0, 0.0, way * rad(3.0) * RATIO)
+    assert parts.codes == []
+    for _ in range(160):
+        watch.scan(0.0, 0.0, way * rad(3.0) * RATIO)
+    assert parts.codes == ["BRK-02"]

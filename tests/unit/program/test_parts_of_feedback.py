@@ -415,3 +415,14 @@ def test_a_count_that_stands_after_steps_without_a_speed_reading_is_frozen(perio
     assert seconds == approx(in_scans(0.030, period_s))
     assert encoder.codes == ["ENC-02"]
     assert encoder.alarms.active[Code.ENC_02].values["measured"].values["value"] == approx(0.5, rel=1e-3)
+
+
+@BOTH
+def test_a_sample_that_was_late_by_a_known_time_is_no_drift_either_way(way):
+    """9 ms late in a scan of 4 ms, at 6 deg/s 0.054 deg further on, and in time again: 0.045 deg are permitted."""
+    encoder = Encoder(0.004, way * 6.0)
+    for late in (1.0, -1.0):
+        encoder.scan(step_deg=late * way * 0.054, spread_scans=late * 2.25)
+    for _ in range(20):
+        encoder.scan()
+    assert encoder.codes == []
