@@ -426,3 +426,24 @@ def test_a_sample_that_was_late_by_a_known_time_is_no_drift_either_way(way):
     for _ in range(20):
         encoder.scan()
     assert encoder.codes == []
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("share", "told"), [(0.95, False), (1.05, True)])
+def test_a_count_that_stands_after_a_part_of_a_step_froze_within_it(period_s, way, share, told):
+    """Missing is more than the brake takes within a scan, 0.945 deg/s in 10 ms; left is nearly rest."""
+    free = {
+        "encoder_drift_max_rad": math.inf,
+        "speed_change_base_rad_s": rad(10.0),
+        "encoder_jump_base_rad": rad(1.0),
+    }
+    encoder = Encoder(period_s, monitors=ROTOR | free)
+    brake = {0.001: 0.1845, 0.004: 0.438, 0.010: 0.945}[period_s]
+    left_deg_s, missing = 0.05, brake * share
+    for _ in range(3):
+        encoder.scan(step_deg=way * (left_deg_s + missing) * period_s)
+    encoder.scan(step_deg=way * left_deg_s * period_s)
+    seconds = encoder.after(encoder.scan, most_s=0.2)
+    assert (seconds == approx(in_scans(0.030, period_s))) is told
+    assert encoder.codes == (["ENC-02"] if told else [])
