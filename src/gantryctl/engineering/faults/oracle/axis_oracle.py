@@ -7,12 +7,13 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.asked import SETTLES_MS, Asked
 from gantryctl.engineering.faults.oracle.held import HeldUp
 from gantryctl.engineering.faults.oracle.limits import REFERENCE, Bounds, StopClass
 from gantryctl.engineering.faults.oracle.silence import Silence
 from gantryctl.engineering.faults.oracle.stretch import stretch_around
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
-from gantryctl.image import DriveRequest, Mode, OperatorCommand, OutputImage
+from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm
@@ -20,18 +21,11 @@ from gantryctl.program.alarms.log import Alarm
 _ENABLE: Final = DriveRequest.ENABLE
 _QUICK_STOP: Final = DriveRequest.QUICK_STOP
 _STOPS: Final = Reaction.QUICK_STOP
-# ms after a command that is nearly zero in which the servo still settles.
-_SETTLES_MS: Final = 300
-# ms that the servo may take to follow a stop's last set-point, on top of its ramp.
-_COMES_TO_REST_MS: Final = 1500
-_LEASE_MS: Final = 250
 # ms in which a drive that switched itself off is told as an alarm: the heartbeat is missed after 150 ms.
 _TOLD_MS: Final = 200
 # An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
 _CAUSE_MS: Final = 3000
 _AT_REST_MS: Final = 50
-# ms in which a step of the drive that was commanded before power was switched off still takes effect.
-_UNDER_WAY_MS: Final = 100
 # Scans by which a reading on a bus may be old: sampled, sent, and taken.
 _READING_SCANS: Final = 3.0
 
@@ -108,17 +102,11 @@ class AxisOracle:
         self._off_unjudged = False
         self._anchor: float | None = None
         self._reason_ms = -1
-        self._origin_ms: float = -1.0
+        self._asked: Asked | None = None
         self._stray = 0.0
-        self._target: float | None = None
-        self._at_target_ms = 0
-        self._lease_ms = -1_000_000
-        self._operator = OperatorCommand()
         self._commanded = (0.0, 0.0)
         self._silent_from: float = math.inf
         self._silence: Silence | None = None
-        self._test_asked = False
-        self._power_until = -1.0
         self._vel = 0.0
         self._wire_ms = -1
         self._step, self._step_rad = "", 0.0
@@ -129,7 +117,6 @@ class AxisOracle:
         self._onset_of_feedback = False
         self._held: HeldUp | None = None
         self._disobeys = self._brake_fault = self._creeps = self._spoilt = False
-        self._key_counts, self._halted, self._by_jog = True, False, False
         self._late_s = self.brake_late_s = self.reading_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
@@ -174,6 +161,7 @@ class AxisOracle:
         self._slope = (steepest + correction) * ratio * 1e-3
         self._quick_dec = ramps.quick_dec_rad_s2 * ratio
         self._zero_counts = math.nan
+        self._asked = Asked(settings, self._settled, self._told)
 
     def begin(self, angle: float, brake_open: bool, energised: bool) -> None:
         """Take the state in which the axis is met."""
@@ -238,8 +226,11 @@ class AxisOracle:
         axis = self._axis
         self._silence, self._silent_from = None, self.ms + limits.SILENT_MS
         self._commanded = self.angle, self.speed
-        if operator is not None and operator is not self._operator:
-            self._levels(operator)
+        asked = self._asked
+        if operator is not None and asked is not None and operator is not asked.levels:
+            asked.take(
+                operator, self.ms, self._vel, self.angle + self.offset, moves=self.ms <= self._reason_ms
+            )
         if not (-self._vel_max <= vel <= self._vel_max and -self._torque_max <= torque <= self._torque_max):
             self.say("INV-4", f"on the wire: speed {vel!r} rad/s, torque {torque!r} N m")
         if axis is not None and not self.program_over:
@@ -290,17 +281,20 @@ class AxisOracle:
         if self._step or not -slope <= vel - before <= slope:
             self._stepped(before, vel, passed)
         self._vel, self._wire_ms = vel, now
+        asked = self._asked
         if not -self._settled < vel < self._settled:
-            self._reason_ms, self._at_target_ms, self._moved_ms = now + _SETTLES_MS, now, now
-            if now > self._origin_ms:
-                self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
-                self._check_origin(now, vel)
+            self._reason_ms, self._moved_ms = now + SETTLES_MS, now
+            if asked is not None:
+                asked.at_target_ms = now
+                if now > asked.until_ms:
+                    self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
+                    self._check_origin(asked, now, vel)
             return
         self._rest_angle = self.angle
-        if self._target is not None:
+        if asked is not None and asked.target is not None:
             if self._creeps:
-                self._reason_ms = now + _SETTLES_MS
-            self._perhaps_arrived(now, self._target)
+                self._reason_ms = now + SETTLES_MS
+            asked.perhaps_arrived(now, self.angle + self.offset)
 
     def _stepped(self, before: float, vel: float, passed: int) -> None:
         """Judge a speed that changes too fast: from rest, and back at rest within the way of a dither, it is one."""
@@ -320,20 +314,12 @@ class AxisOracle:
             self.say("INV-3", self._step)
             self._step = ""
 
-    def _perhaps_arrived(self, now: int, target: float) -> None:
-        """A move that has stood at its target for a while is over: no speed has its reason in it any more."""
-        there = -self._told < self.angle + self.offset - target < self._told
-        if not there or self._operator.override == 0.0:
-            self._at_target_ms = now
-        elif now - self._at_target_ms > _COMES_TO_REST_MS:
-            self._target, self._origin_ms = None, now
-
-    def _check_origin(self, now: int, vel: float) -> None:
+    def _check_origin(self, asked: Asked, now: int, vel: float) -> None:
         """A speed without a person behind it, over more than a dither. Other programs move by their own logic."""
         if self._stray <= self.bounds.dither_deg * self._deg:
             return
         if type(self.program) is not GantryProgram:
-            self._origin_ms = math.inf
+            asked.until_ms = math.inf
             return
         if self._feedback_fault():
             # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
@@ -341,11 +327,7 @@ class AxisOracle:
             return
         if self._spoilt and self._brings_back(vel):
             return
-        operator = self._operator
-        key = operator.forward is not operator.reverse and operator.power
-        if key and now - self._lease_ms <= _LEASE_MS:
-            self._origin_ms = now + self._comes_to_rest(self._axis.settings.ramps.jog_release_dec_rad_s2)
-        else:
+        if not asked.held(now, vel):
             self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
 
     def _brings_back(self, vel: float) -> bool:
@@ -358,70 +340,6 @@ class AxisOracle:
         late = 1e-3 * self.scans_ms(_READING_SCANS) * abs(self.speed)
         answers = abs(vel + self._kpp * way) <= self._settled + self._kpp * late
         return answers and abs(way) <= self._sag
-
-    def _comes_to_rest(self, dec_rad_s2: float) -> float:
-        """ms until a stop on a ramp has ended."""
-        ratio: float = self._axis.settings.law.ratio
-        return 1e3 * abs(self._vel) / (dec_rad_s2 * ratio) + _COMES_TO_REST_MS
-
-    def _levels(self, op: OperatorCommand) -> None:
-        """New levels of the operator: what is asked for, and until when."""
-        last, self._operator, now = self._operator, op, self.ms
-        ramps = self._axis.settings.ramps
-        renewed = op.lease != last.lease
-        if renewed:
-            self._lease_ms = now
-        if op.power and not last.power:
-            self._power_until = math.inf
-        self._test_asked = self._test_asked or (op.brake_test and not last.brake_test)
-        stopping = (op.stop and not last.stop) or (op.halt and not last.halt) or (last.power and not op.power)
-        self._halted = self._halted or stopping
-        if last.power and not op.power:
-            self._power_until = now + _UNDER_WAY_MS
-        pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
-        # An increment and a move go on without a lease until they have arrived.
-        if op.move and not last.move and op.power:
-            self._origin_ms, self._target, self._at_target_ms = math.inf, op.target_rad * self._ratio, now
-            self._halted = self._by_jog = False
-            # It takes over from a key, which then ends nothing when it is let go.
-            self._key_counts = False
-        elif pressed:
-            # A key is refused while the axis moves, and the move or increment goes on, also when the key is let go; on
-            # the ramp of the last held key one of the same direction is taken.
-            rests = -self._settled < self._vel < self._settled and not self._turns_round(op)
-            ramp = self._by_jog and (self._vel > 0.0) is op.forward
-            self._key_counts = rests or ramp
-            if self._key_counts:
-                self._target, self._by_jog = None, op.mode is Mode.CONTINUOUS
-                # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
-                self._origin_ms = now + _COMES_TO_REST_MS if op.mode is Mode.CONTINUOUS else math.inf
-        elif renewed and self._key_counts and op.mode is Mode.CONTINUOUS and (op.forward or op.reverse):
-            # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
-            fastest = abs(self._vel) / self._axis.settings.law.ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2
-            ramp_s = (
-                fastest / ramps.jog_release_dec_rad_s2
-                + ramps.jog_release_dec_rad_s2 / ramps.jog_release_jerk_rad_s3
-            )
-            self._origin_ms = now + _LEASE_MS + _SETTLES_MS + 1e3 * ramp_s
-        if stopping:
-            # Halt has the ramp of a move, stop and power off that of a key.
-            dec = (
-                min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2)
-                if op.halt
-                else ramps.jog_release_dec_rad_s2
-            )
-            self._origin_ms = now + self._comes_to_rest(dec)
-        released = (last.forward or last.reverse) and not (op.forward or op.reverse)
-        if released and op.mode is Mode.CONTINUOUS and self._key_counts:
-            self._origin_ms = now + self._comes_to_rest(ramps.jog_release_dec_rad_s2)
-
-    def _turns_round(self, op: OperatorCommand) -> bool:
-        """A move is under way that passes zero speed, or is held there by override 0: a key is refused."""
-        target = self._target
-        if target is None or self._halted:
-            return False
-        there = -self._told < self.angle + self.offset - target < self._told
-        return op.override == 0.0 or (not there and self.ms <= self._reason_ms)
 
     def _requested(self, request: DriveRequest) -> None:
         before, self._request = self._request, request
@@ -437,8 +355,9 @@ class AxisOracle:
     def _latch(self, first: Alarm | None, request: DriveRequest, vel: float) -> None:
         before, self._latched = self._latched, first
         if first is None:
-            self._power_until = -1.0
             self._stop = None
+            if self._asked is not None:
+                self._asked.reset()
             return
         if first is not before:
             self._alarm(first)
@@ -465,8 +384,8 @@ class AxisOracle:
 
     def _alarm(self, first: Alarm) -> None:
         """A stop-class alarm is told now: the stop begins."""
-        self._test_asked = False
-        self._origin_ms = self._power_until = -1.0
+        if self._asked is not None:
+            self._asked.stopped()
         onset = self._onset
         if self._feedback_fault():
             kind = StopClass.FEEDBACK
@@ -593,14 +512,16 @@ class AxisOracle:
         was_open, self.brake_open = self.brake_open, brake_open
         if energised and not was_energised:
             self._energised_ms, self._driven_ms = now, 0
-            asked = now <= self._power_until or self._test_asked or type(self.program) is not GantryProgram
+            by_person = self._asked is not None and self._asked.power(now)
+            asked = by_person or type(self.program) is not GantryProgram
             if self._latched is not None and not self._holding():
                 self.say("INV-5", f"torque came on while {self._latched.code} is latched")
             elif not asked and not self._holding():
                 self.say("INV-2", "enabled, and nobody asked for it")
         if was_energised and not energised:
             self._off_ms = now
-            self._test_asked = False
+            if self._asked is not None:
+                self._asked.brake_test = False
             if self._stop is not None:
                 self._stop.torque_off(now, self.angle, self.speed)
             self._off_unjudged = was_open and brake_open

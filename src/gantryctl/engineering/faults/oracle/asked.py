@@ -1,0 +1,142 @@
+"""What people ask of the axis: moves, keys with their leases, increments, power; and until when a speed is theirs."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.image import Mode, OperatorCommand
+from gantryctl.program.settings import AxisSettings
+
+SETTLES_MS: Final = 300
+"""After a command that is nearly zero the servo still settles for so long."""
+# ms that the servo may take to follow a stop's last set-point, on top of its ramp.
+_COMES_TO_REST_MS: Final = 1500
+_LEASE_MS: Final = 250
+# ms in which a step of the drive that was commanded before power was switched off still takes effect.
+_UNDER_WAY_MS: Final = 100
+
+
+class Asked:
+    """What was asked of one program since it commands; angles and speeds at the motor, rad and rad/s.
+
+    Args:
+        settings: ramps that end a motion.
+        settled: a slower command is regulation. told: so far from its target a move has arrived.
+
+    Attributes:
+        levels: the last of the operator.
+        until_ms: until then a speed has its reason in them.
+        target: of the move under way, by the zero of the machine; None without.
+        at_target_ms: since when it may have arrived.
+        brake_test: asked for, and not ended.
+    """
+
+    def __init__(self, settings: AxisSettings, settled: float, told: float) -> None:
+        self._ramps, self._ratio = settings.ramps, settings.law.ratio
+        self._settled, self._told = settled, told
+        self.levels = OperatorCommand()
+        self.until_ms = self._power_until = -1.0
+        self.target: float | None = None
+        self.at_target_ms = 0
+        self.brake_test = False
+        self._lease_ms = -1_000_000
+        self._key_counts, self._halted, self._by_jog = True, False, False
+
+    def take(self, op: OperatorCommand, now: int, vel: float, angle: float, *, moves: bool) -> None:
+        """Take new levels.
+
+        Args:
+            vel: on the wire. angle: true, by the zero of the machine.
+            moves: a speed was commanded until now, or the servo still settles.
+        """
+        last, self.levels = self.levels, op
+        ramps = self._ramps
+        renewed = op.lease != last.lease
+        if renewed:
+            self._lease_ms = now
+        if op.power and not last.power:
+            self._power_until = math.inf
+        self.brake_test = self.brake_test or (op.brake_test and not last.brake_test)
+        stopping = (op.stop and not last.stop) or (op.halt and not last.halt) or (last.power and not op.power)
+        self._halted = self._halted or stopping
+        if last.power and not op.power:
+            self._power_until = now + _UNDER_WAY_MS
+        pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
+        # An increment and a move go on without a lease until they have arrived.
+        if op.move and not last.move and op.power:
+            self.until_ms, self.target, self.at_target_ms = math.inf, op.target_rad * self._ratio, now
+            self._halted = self._by_jog = False
+            # It takes over from a key, which then ends nothing when it is let go.
+            self._key_counts = False
+        elif pressed:
+            self._press(op, now, vel, rests=not self._turns_round(op, angle, moves))
+        elif renewed and self._key_counts and op.mode is Mode.CONTINUOUS and (op.forward or op.reverse):
+            # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
+            fastest = abs(vel) / self._ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2
+            ramp_s = (
+                fastest / ramps.jog_release_dec_rad_s2
+                + ramps.jog_release_dec_rad_s2 / ramps.jog_release_jerk_rad_s3
+            )
+            self.until_ms = now + _LEASE_MS + SETTLES_MS + 1e3 * ramp_s
+        if stopping:
+            # Halt has the ramp of a move, stop and power off that of a key.
+            release = ramps.jog_release_dec_rad_s2
+            self._ends_by(min(ramps.dec_rad_s2, release) if op.halt else release, now, vel)
+        released = (last.forward or last.reverse) and not (op.forward or op.reverse)
+        if released and op.mode is Mode.CONTINUOUS and self._key_counts:
+            self._ends_by(ramps.jog_release_dec_rad_s2, now, vel)
+
+    def _press(self, op: OperatorCommand, now: int, vel: float, *, rests: bool) -> None:
+        """Take a key: refused while the axis moves, and the move or increment goes on, also when it is let go.
+
+        On the ramp of the last held key one of the same direction is taken.
+        """
+        ramp = self._by_jog and (vel > 0.0) is op.forward
+        self._key_counts = (rests and -self._settled < vel < self._settled) or ramp
+        if self._key_counts:
+            self.target, self._by_jog = None, op.mode is Mode.CONTINUOUS
+            # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
+            self.until_ms = now + _COMES_TO_REST_MS if op.mode is Mode.CONTINUOUS else math.inf
+
+    def _turns_round(self, op: OperatorCommand, angle: float, moves: bool) -> bool:
+        """A move is under way that passes zero speed, or is held there by override 0: a key is refused."""
+        if self.target is None or self._halted:
+            return False
+        return op.override == 0.0 or (moves and not self._there(angle, self.target))
+
+    def _there(self, angle: float, target: float) -> bool:
+        return -self._told < angle - target < self._told
+
+    def perhaps_arrived(self, now: int, angle: float) -> None:
+        """A move that has stood at its target for a while is over: no speed has its reason in it any more."""
+        target = self.target
+        if target is None or not self._there(angle, target) or self.levels.override == 0.0:
+            self.at_target_ms = now
+        elif now - self.at_target_ms > _COMES_TO_REST_MS:
+            self.target, self.until_ms = None, now
+
+    def held(self, now: int, vel: float) -> bool:
+        """A key is held with a living lease: its ramp from this speed on is asked for."""
+        op = self.levels
+        living = op.forward is not op.reverse and op.power and now - self._lease_ms <= _LEASE_MS
+        if living:
+            self._ends_by(self._ramps.jog_release_dec_rad_s2, now, vel)
+        return living
+
+    def _ends_by(self, dec_rad_s2: float, now: int, vel: float) -> None:
+        """Nothing is asked once a stop on this ramp has ended."""
+        self.until_ms = now + 1e3 * abs(vel) / (dec_rad_s2 * self._ratio) + _COMES_TO_REST_MS
+
+    def power(self, now: int) -> bool:
+        """Torque may come on: for power, or for a brake test."""
+        return now <= self._power_until or self.brake_test
+
+    def stopped(self) -> None:
+        """A stop-class alarm has ended everything that was asked."""
+        self.brake_test = False
+        self.until_ms = self._power_until = -1.0
+
+    def reset(self) -> None:
+        """After a reset power has to be asked for anew."""
+        self._power_until = -1.0
