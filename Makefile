@@ -12,6 +12,8 @@ LOCK = uv pip compile --quiet $(UPGRADE) --generate-hashes --no-header --no-anno
 COMPILER := command -v $${CXX:-c++} > /dev/null || { echo "no C++ compiler here; type:  $$(command -v dnf > /dev/null \
         && echo sudo dnf install gcc-c++ python3-devel || echo sudo apt install g++ python3-dev python3-venv)"; exit 1; }
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
+# The tests start hundreds of processes; without bytecode each of them would compile the program once more.
+unexport PYTHONDONTWRITEBYTECODE
 
 .NOTPARALLEL:
 .PHONY: help demo setup core test test-slow mutants coverage pytest lint types layers test-core test-core-clang coverage-core format lock licences dist try-wheels clean page page-check screenshots site wasm soak virtual-soak fuzz
