@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
@@ -27,7 +27,6 @@ from unit.commissioning.hand_drive import (
     HandDrive,
     axis_of,
     context,
-    opens,
 )
 
 pytestmark = pytest.mark.can
@@ -36,17 +35,6 @@ ENABLE, S = DriveRequest.ENABLE, DriveState
 
 
 # --- sign and speed ---------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def step(monkeypatch: pytest.MonkeyPatch) -> Callable[..., StepResult]:
-    def run(module: Any, function: str, drive: HandDrive, **results: StepResult) -> StepResult:
-        monkeypatch.setattr(module, "open_loop_axis", opens(drive))
-        machine = getattr(drive, "machine", MACHINE)
-        found: StepResult = getattr(module, function)(context(machine, **results))
-        return found
-
-    return run
 
 
 def sign_drive(way: float = 1.0, shown: float = 1.0, *, torque_nm: float = 128.0) -> HandDrive:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +23,6 @@ from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop, DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from unit.commissioning.hand_drive import (
-    MACHINE,
     PERIOD_S,
     HandDrive,
     context,
@@ -34,17 +33,6 @@ from unit.commissioning.hand_drive import (
 pytestmark = pytest.mark.can
 
 ENABLE, S = DriveRequest.ENABLE, DriveState
-
-
-@pytest.fixture
-def step(monkeypatch: pytest.MonkeyPatch) -> Callable[..., StepResult]:
-    def run(module: Any, function: str, drive: HandDrive, **results: StepResult) -> StepResult:
-        monkeypatch.setattr(module, "open_loop_axis", opens(drive))
-        machine = getattr(drive, "machine", MACHINE)
-        found: StepResult = getattr(module, function)(context(machine, **results))
-        return found
-
-    return run
 
 
 # --- quick stop -------------------------------------------------------------------------------------------------------
