@@ -217,8 +217,13 @@ def test_reading_restarts_the_idle_time_and_a_refusal_does_not(
     assert (session.used_s > before_s + 1.0) is restarts
 
 
-@pytest.mark.parametrize("origin", [None, b"http://evil.example", b"null"])
-def test_a_websocket_of_another_page_or_of_none_is_refused(access: Access, origin: bytes | None) -> None:
+@pytest.mark.parametrize(
+    ("origin", "logged_in"),
+    [(None, True), (b"http://evil.example", True), (b"null", True), (b"http://127.0.0.1:1", False)],
+)
+def test_a_websocket_of_another_page_or_of_nobody_is_refused(
+    access: Access, origin: bytes | None, logged_in: bool
+) -> None:
     sent: list[str] = []
 
     async def receive() -> Any:
@@ -227,7 +232,7 @@ def test_a_websocket_of_another_page_or_of_none_is_refused(access: Access, origi
     async def send(message: Any) -> None:
         sent.append(str(message["type"]))
 
-    headers = [cookie_of(access, Role.VIEWER)]
+    headers = [cookie_of(access, Role.VIEWER)] if logged_in else []
     headers += [] if origin is None else [(b"origin", origin)]
     connection = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
     asyncio.run(Live(access, access.hub).serve(WebSocket(connection, receive, send)))

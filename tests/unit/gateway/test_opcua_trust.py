@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
 from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
-from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, _is_authority  # noqa: E402
+from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, _is_authority, first_of  # noqa: E402
 from support.opcua_bench import CLIENT, PASSWORD, Bench, Run  # noqa: E402
 from support.opcua_table import SECURE  # noqa: E402
 from support.opcua_wire import Refused, password  # noqa: E402
@@ -153,11 +153,27 @@ def test_only_a_certificate_for_clients_is_taken(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
+    ("chain", "first"),
+    [
+        # Tag 30h, a length in one byte or in as many as the byte behind the tag says (X.690), then what is behind it.
+        ("30 02 AA BB", "30 02 AA BB"), ("30 02 AA BB 30 01 CC", "30 02 AA BB"),
+        ("30 81 02 AA BB 30 01 CC", "30 81 02 AA BB"), ("30 82 00 02 AA BB CC", "30 82 00 02 AA BB"),
+        ("30 82 01 00 AA", "30 82 01 00 AA"),
+        ("", ""), ("30 01 AA", ""), ("31 02 AA BB", ""),
+    ],
+)  # fmt: skip
+def test_the_first_certificate_of_a_chain_is_that_of_the_application(chain: str, first: str) -> None:
+    assert first_of(bytes.fromhex(chain)) == bytes.fromhex(first)
+    assert first_of(None) == b""
+
+
+@pytest.mark.parametrize(
     ("ca", "signs", "purpose", "authority"),
     [
         (True, True, None, True), (True, True, ExtendedKeyUsageOID.SERVER_AUTH, True),
         (True, True, ExtendedKeyUsageOID.CLIENT_AUTH, False), (False, True, None, False), (True, False, None, False),
-        (None, True, None, False),
+        (None, True, None, False), (True, False, ExtendedKeyUsageOID.SERVER_AUTH, False),
+        (False, True, ExtendedKeyUsageOID.SERVER_AUTH, False),
     ],
 )  # fmt: skip
 def test_an_authority_issues_signs_and_is_no_client(

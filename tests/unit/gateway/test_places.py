@@ -61,6 +61,24 @@ def test_without_handles_it_waits_and_says_so_once(capsys: pytest.CaptureFixture
     assert line.endswith("no connection can be taken: [Errno 24] Too many open files")
 
 
+@pytest.mark.parametrize(
+    ("soft", "hard", "after"),
+    [
+        (1024, 524_288, (4096, 524_288)), (1024, 2048, (2048, 2048)), (1024, resource.RLIM_INFINITY, (4096, -1)),
+        (4096, 524_288, None), (8192, 524_288, None), (512, 512, None),
+        (resource.RLIM_INFINITY, resource.RLIM_INFINITY, None),
+    ],
+)  # fmt: skip
+def test_the_limit_of_open_files_is_raised_as_far_as_the_system_allows(
+    monkeypatch: pytest.MonkeyPatch, soft: int, hard: int, after: tuple[int, int] | None
+) -> None:
+    raised: list[tuple[int, tuple[int, int]]] = []
+    monkeypatch.setattr(server.resource, "getrlimit", lambda what: (soft, hard))
+    monkeypatch.setattr(server.resource, "setrlimit", lambda what, limits: raised.append((what, limits)))
+    server.raise_handles()
+    assert raised == ([] if after is None else [(resource.RLIMIT_NOFILE, after)])
+
+
 def test_a_websocket_has_no_such_limit_and_leaves_its_place_to_others() -> None:
     async def check(port: int) -> None:
         made = [await connect(f"ws://127.0.0.1:{port}/echo") for _ in range(CONNECTIONS + 1)]

@@ -127,6 +127,20 @@ def test_a_flood_of_names_does_not_fill_the_memory() -> None:
     assert len(locks._failures) == 10_000
 
 
+def test_a_flood_of_names_frees_nobody_who_guessed_a_moment_ago() -> None:
+    """Who failed longest ago is forgotten; each failure makes a pair the newest again."""
+    locks = LockOut(Clock())
+    for name in ("old", "kept"):
+        for _ in range(FAILURES):
+            locks.failed(name, "here")
+    for n in range(9_999):
+        locks.failed(f"name{n}", "here")
+        if n == 5_000:
+            locks.failed("kept", "here")
+    assert locks.wait_s("old", "here") == 0.0
+    assert locks.wait_s("kept", "here") == 2.0
+
+
 def test_the_rate_limit_gives_its_reserve_then_its_rate_to_each_address() -> None:
     clock = Clock()
     limit = RateLimiter(10.0, 40.0, clock)

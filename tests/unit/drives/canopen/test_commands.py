@@ -129,6 +129,25 @@ def test_who_only_looks_gives_no_sign_of_a_controller() -> None:
     bench.drive.close()
 
 
+def test_who_only_looks_sees_which_telegram_is_late() -> None:
+    bench = Bench().open()
+    assert not bench.drive.look().link & LinkFlag.LATE
+    for tpdo in (1, 2):
+        bench.ask("inject", fault="tpdo", tpdo=tpdo, kind="drop", count=1)
+        assert bench.drive.look().link & LinkFlag.LATE
+        assert not bench.drive.look().link & LinkFlag.LATE
+    bench.drive.close()
+
+
+@pytest.mark.parametrize("offset", [True, False])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_preload_needs_a_torque_that_can_be_read(offset: bool, known: bool) -> None:
+    drive = object.__new__(CanopenDrive)
+    drive.process = SimpleNamespace(torque_offset=offset, torque_known=known)  # type: ignore[assignment]
+    assert drive.torque_preload is (offset and known)
+    assert drive.reports_torque is known
+
+
 def test_the_marker_of_a_run_is_the_one_that_the_drive_holds() -> None:
     bench = Bench().open()
     marker = bench.drive.leave_restart_marker()
@@ -306,6 +325,11 @@ def test_a_drive_with_torque_is_not_set_up(word: int, state: str) -> None:
     # Nothing was written, and no state of the network changed: SDO uploads only.
     assert {can_id for can_id, _ in sent} == {SDO}
     assert all(data[0] >> 5 in (2, 3) for _, data in sent)
+    # It is closed: nothing is said to the drive of somebody else any more.
+    sent.clear()
+    bench.drive.write(OutputImage())
+    bench.drive.close()
+    assert not sent
 
 
 def test_the_brake_at_60fe_is_closed_and_the_speed_0_before_the_drive_is_started() -> None:

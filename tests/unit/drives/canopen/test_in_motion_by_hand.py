@@ -164,6 +164,18 @@ def test_a_drive_that_never_answers_is_asked_for_3_s_and_no_longer(periods: int,
     assert len(drive.asked.writes) == asked
 
 
+def test_a_request_has_20_ms_to_be_answered_before_the_next_one() -> None:
+    """Five scans of 4 ms: one that takes the place of another throws its answer away."""
+    drive = Stop()
+    drive.scan(0x00, answers=False)
+    drive.asked.waiting = True
+    counts = []
+    for _ in range(12):
+        drive.scan(0x00, answers=False)
+        counts.append(len(drive.asked.writes))
+    assert counts == [1] * 4 + [2] * 5 + [3] * 3
+
+
 @pytest.mark.parametrize("word", [0x06, 0x07, 0x0F, 0x80])
 def test_no_other_word_is_sent(word: int) -> None:
     drive = Stop(state=NmtState.STOPPED)

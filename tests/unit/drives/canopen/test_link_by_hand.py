@@ -51,6 +51,7 @@ def test_the_controller_of_the_bus_tells_its_state(
     for _ in frames:
         link.receive(0.0)
     assert (link.trouble, link.passives, link.bus_offs) == (trouble, passives, bus_offs)
+    assert link.ignored == sum(frame.is_error_frame for frame in frames)
     # Of a controller that is bus-off the kernel still takes frames.
     assert link.send(0x202, b"")
     assert link.down is bool(trouble & OFF)
@@ -134,6 +135,19 @@ def test_frames_that_a_filter_keeps_away_are_those_of_others(
         link.send(0x080, b"")
     link.receive(0.0)
     assert link.traffic == (bits, others)
+
+
+def test_a_filter_passes_every_identifier_that_was_ever_accepted() -> None:
+    bus, filters = Scripted(), list[list[int]]()
+    bus.set_filters = lambda rows: filters.append([row["can_id"] for row in rows])  # type: ignore[method-assign, assignment]
+    counters: Any = Interface(counts_own=True)
+    link = BusLink(bus, counters=counters)
+    link.accept((0x182, 0x080))
+    link.accept((0x702,))
+    assert filters == [[0x080, 0x182], [0x080, 0x182, 0x702]]
+    # Where nobody counts the others every frame is received.
+    BusLink(bus).accept((0x182,))
+    assert len(filters) == 2
 
 
 # --- frames of a node -------------------------------------------------------------------------------------------------

@@ -207,6 +207,25 @@ def test_what_a_drive_has_and_what_its_set_up_leaves(
     assert check.as_set_up(facts, [parameter]).value(*place) == after
 
 
+def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:
+    """Name plate of the motor, limits of current, gear, feed, motor type, profile velocity, beside what is set."""
+    plate = {
+        (0x6075, 0), (0x6076, 0), (0x6073, 0), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6402, 0),
+        (0x607F, 0),
+    }  # fmt: skip
+    wanted_places = [p for p in wanted_of(settings(), None) if p.obj in (0x6007, 0x6080)]
+    assert set(check.set_value_places(wanted_places)) == plate | {(0x6007, 0), (0x6080, 0)}
+
+    def checksum(values: dict[Place, int]) -> str:
+        held = {place: ObjectFact(True, False, value) for place, value in values.items()}
+        return check.parameter_checksum(DriveFacts(1, 2, 3, 4, "", held), wanted_places)
+
+    held = dict.fromkeys((*plate, (0x6007, 0)), 7)
+    changed = [held | {place: 8} for place in held] + [{p: 7 for p in held if p != gone} for gone in held]
+    assert len({checksum(each) for each in (held, *changed)}) == 2 * len(held) + 1
+    assert checksum(held | {(0x1000, 0): 1}) == checksum(held)
+
+
 def test_what_a_drive_takes_no_value_for_is_known() -> None:
     """Cannot be written, and out of range, is never; not now, in this state, is no property of the drive."""
     parameters = wanted_of(settings(), None)
