@@ -123,9 +123,11 @@ class Wire:
         nodeid_from_binary(body)
         return struct_from_binary(ua.ResponseHeader, body).ServiceResult.name, body
 
-    async def create(self, certificate: bytes, application: str, silence_ms: float = 60_000.0) -> str:
-        """CreateSession; status. The session is to live for `silence_ms` without a request."""
-        request, self.nonce = ua.CreateSessionRequest(), os.urandom(32)
+    async def create(
+        self, certificate: bytes, application: str, silence_ms: float = 60_000.0, nonce: int = 32
+    ) -> str:
+        """CreateSession; status. The session is to live for `silence_ms` without a request; bytes of the nonce."""
+        request, self.nonce = ua.CreateSessionRequest(), os.urandom(nonce)
         wanted = request.Parameters
         wanted.ClientDescription.ApplicationUri = application
         wanted.ClientDescription.ApplicationType = ua.ApplicationType.Client

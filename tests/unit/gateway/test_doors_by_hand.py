@@ -168,7 +168,10 @@ def guard(access: Access, session: Any = None) -> Guard:
         ([], 403),
         ([(b"host", HERE), (b"content-length", str(BODY_MAX).encode())], None),
         ([(b"host", HERE), (b"content-length", str(BODY_MAX + 1).encode())], 413),
-        ([(b"host", HERE), (b"content-length", b"-1")], 413),
+        ([(b"host", HERE), (b"content-length", b"-1")], 413), ([(b"host", b"127.0.0.1:2")], 403),
+        # int() of a long text costs time: nine digits are looked at.
+        ([(b"host", HERE), (b"content-length", b"000065536")], None),
+        ([(b"host", HERE), (b"content-length", b"0000065536")], 413),
     ],
 )  # fmt: skip
 def test_only_a_request_to_us_of_a_size_is_taken(
@@ -198,6 +201,46 @@ def test_strangers_and_logins_wait_and_who_is_logged_in_does_not(access: Access)
         assert any(door._wait_s(scope(path=path)) > 0.0 for _ in range(10_000))
     inside.append(SimpleNamespace(token="0" * 32))
     assert door._wait_s(scope(path=f"{API}/status")) == 0.0
+
+
+def test_sessions_have_a_rate_each(access: Access) -> None:
+    door, token = guard(access), ["1" * 32]
+    door._session = lambda connection: SimpleNamespace(token=token[0])  # type: ignore[assignment, return-value]
+    assert any(door._wait_s(scope(path=f"{API}/status")) > 0.0 for _ in range(10_000))
+    token[0] = "2" * 32
+    assert door._wait_s(scope(path=f"{API}/status")) == 0.0
+
+
+def test_a_login_has_a_rate_of_its_own(access: Access) -> None:
+    """Twenty at once, whatever else the same stranger has asked for; each costs a tenth of a second."""
+    door = guard(access)
+    for _ in range(10_000):
+        door._wait_s(scope(path=f"{API}/status"))
+    waits = [door._wait_s(scope(path=f"{API}/login")) for _ in range(25)]
+    assert waits[:20] == [0.0] * 20
+    assert min(waits[20:]) > 0.0
+
+
+@pytest.mark.parametrize("certificate", [None, "cert.pem"])
+def test_only_a_page_behind_tls_asks_for_it_the_next_time(access: Access, certificate: str | None) -> None:
+    door = guard(access)
+    door._settings = access.settings._replace(certificate=certificate)
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asyncio.run(door._with_headers(send)({"type": "http.response.start", "status": 200, "headers": []}))
+    names = {name for name, _ in sent[0]["headers"]}
+    assert (b"strict-transport-security" in names) is (certificate is not None)
+
+
+@pytest.mark.parametrize(("proved", "place"), [(True, "console"), (False, "remote")])
+def test_only_who_has_proved_it_is_at_the_console(
+    access: Access, monkeypatch: pytest.MonkeyPatch, proved: bool, place: str
+) -> None:
+    monkeypatch.setattr(access._consoles, "proves", lambda asked, cookie: proved)
+    assert access.place(Request(scope())) == place
 
 
 def test_no_page_may_frame_ours() -> None:

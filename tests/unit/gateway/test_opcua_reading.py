@@ -9,7 +9,7 @@ import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import ua  # noqa: E402
-from asyncua.common.utils import NotEnoughData  # noqa: E402
+from asyncua.common.utils import NotEnoughData, ServiceError  # noqa: E402
 from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E402
 
 from gantryctl.gateway.opcua.reading import Bounded  # noqa: E402
@@ -135,6 +135,11 @@ def test_an_extension_object_is_passed_over_as_the_library_reads_it() -> None:
     body = Bounded(extension(kind, b"abc") + b"rest")
     assert _skip_extension(body) == kind
     assert bytes(body.read(4)) == b"rest"
+    # No body, a body of bytes, a body in XML (Part 6, section 5.2.2.15), and what there is not.
+    assert _skip_extension(Bounded(b"\0\0\0")) == 0
+    for encoding in (b"\2", b"\3"):
+        with pytest.raises(ServiceError):
+            _skip_extension(Bounded(b"\0\0" + encoding + b"\0\0\0\0"))
     for wrong in (extension(kind, b"abc", 2**31 - 1), extension(kind, b"abc", -1)):
         with pytest.raises(NotEnoughData):
             _skip_extension(Bounded(wrong))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import struct
 from types import SimpleNamespace
@@ -155,12 +156,117 @@ def test_a_channel_has_a_thousand_monitored_items() -> None:
     assert asked(holdings(items=999)) == "BadTooManyMonitoredItems"
 
 
+def test_a_deadband_is_taken_out_of_every_item() -> None:
+    """With one a client would not be told that a value has gone bad."""
+    wanted = ua.MonitoringParameters(
+        Filter=ua.DataChangeFilter(DeadbandType=ua.DeadbandType.Absolute, DeadbandValue=1.0)
+    )
+    create = ua.CreateMonitoredItemsParameters(
+        MINE, ItemsToCreate=[ua.MonitoredItemCreateRequest(RequestedParameters=wanted)] * 2
+    )
+    modify = ua.ModifyMonitoredItemsParameters(
+        MINE, ItemsToModify=[ua.MonitoredItemModifyRequest(RequestedParameters=wanted)] * 2
+    )
+    items = [*allowed("CreateMonitoredItems", create).ItemsToCreate]
+    items += [*allowed("ModifyMonitoredItems", modify).ItemsToModify]
+    filters = [item.RequestedParameters.Filter for item in items]
+    assert [(each.DeadbandType, each.DeadbandValue) for each in filters] == [(ua.DeadbandType.None_, 0.0)] * 4
+
+
+# --- chunks -----------------------------------------------------------------------------------------------------------
+
+SHORT = struct.pack("<3scI", b"MSG", b"F", 12) + bytes(4)
+
+
+class Line(Connection):
+    """A connection whose other end is the test; chunks of 64 KiB were agreed.
+
+    Attributes:
+        refused: statuses. paused, resumed: how many chunks waited then.
+    """
+
+    def __init__(self) -> None:
+        limits = SimpleNamespace(max_recv_buffer=65_536)
+        listener: Any = SimpleNamespace(
+            wall=SimpleNamespace(limits=limits), connections={self}, keep=lambda work: work
+        )
+        super().__init__(listener)
+        self.refused, self.paused, self.resumed = list[str](), list[int](), list[int]()
+        self.left = 0
+        self._place: Any = SimpleNamespace(leave=self._leave)
+        self.transport: Any = SimpleNamespace(
+            pause_reading=lambda: self.paused.append(len(self._chunks)),
+            resume_reading=lambda: self.resumed.append(len(self._chunks)),
+            is_closing=lambda: False,
+        )
+
+    def _leave(self) -> None:
+        self.left += 1
+
+    def refuse(self, status: int, journal: str = "") -> None:
+        self.refused.append(str(ua.StatusCode(status).name))
+
+
 def test_a_client_with_32_chunks_that_wait_is_read_no_further() -> None:
     """The server takes one of each client in turn; what a client sends beyond them stays in its own computer."""
-    limits = SimpleNamespace(wall=SimpleNamespace(limits=SimpleNamespace(max_recv_buffer=65_536)))
-    connection, paused = Connection(limits), []  # type: ignore[arg-type]
-    connection._place = SimpleNamespace()  # type: ignore[assignment]
-    connection.transport = SimpleNamespace(pause_reading=lambda: paused.append(len(connection._chunks)))
+    line = Line()
     for _ in range(34):
-        connection.data_received(struct.pack("<3scI", b"MSG", b"F", 12) + bytes(4))
-    assert paused == [33, 34]
+        line.data_received(SHORT)
+    assert line.paused == [33, 34]
+
+
+def test_a_client_is_read_again_when_half_of_its_chunks_are_done() -> None:
+    line, taken = Line(), []
+
+    async def take(header: Any, body: Any) -> bool:
+        taken.append(len(line._chunks))
+        return True
+
+    async def work() -> None:
+        line.channel = SimpleNamespace(take=take)  # type: ignore[assignment]
+        line.data_received(20 * SHORT)
+        task = asyncio.create_task(line._run())
+        while len(taken) < 20:
+            await asyncio.sleep(0)
+        task.cancel()
+
+    asyncio.run(work())
+    assert taken == list(range(19, -1, -1))
+    assert line.resumed == list(range(16, -1, -1))
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (0, ["BadTcpMessageTooLarge"]), (8, ["BadTcpMessageTooLarge"]), (9, []), (65_536, []),
+        (65_537, ["BadTcpMessageTooLarge"]),
+    ],
+)  # fmt: skip
+def test_a_chunk_has_more_than_its_head_and_no_more_than_was_agreed(size: int, said: list[str]) -> None:
+    line = Line()
+    line.data_received(struct.pack("<3scI", b"MSG", b"F", size))
+    assert (line.refused, len(line._chunks)) == (said, 0)
+    if not said:
+        line.data_received(bytes(size - 8) + SHORT[:7])
+        assert [len(chunk) for chunk in line._chunks] == [size]
+        line.data_received(SHORT[7:])
+        assert [len(chunk) for chunk in line._chunks] == [size, 12]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parts"),
+    [(b"HEL", b"F"), (b"OPN", b"F"), (b"CLO", b"F"), (b"MSG", b"FCA"), (b"ACK", b""), (b"ERR", b"")],
+)
+def test_a_chunk_is_of_a_kind_that_there_is(kind: bytes, parts: bytes) -> None:
+    """Final, one of several, or the end of a message that is abandoned (Part 6, section 6.7.2.2)."""
+    for part in b"FCAX\0":
+        line = Line()
+        line.data_received(struct.pack("<3scI", kind, bytes((part,)), 12) + bytes(4))
+        assert line.refused == ([] if part in parts else ["BadTcpMessageTypeInvalid"])
+
+
+def test_a_connection_gives_its_place_back() -> None:
+    line, ended = Line(), []
+    line.channel = SimpleNamespace(end=lambda: ended.append(1))  # type: ignore[assignment]
+    line.connection_lost(None)
+    assert (line.left, line._listener.connections, ended) == (1, set(), [1])

@@ -160,6 +160,17 @@ def test_the_token_of_a_session_cannot_be_guessed(run: Run) -> None:
     run(check)
 
 
+def test_a_session_needs_32_random_bytes_of_its_client(run: Run) -> None:
+    """The server signs them: with fewer an old signature could be used again (Part 4, section 5.6.2.2)."""
+
+    async def check(bench: Bench) -> None:
+        wire = await bench.open("Basic256Sha256", MODES.SignAndEncrypt)
+        for nonce, said in ((0, "BadNonceInvalid"), (31, "BadNonceInvalid"), (32, "Good"), (33, "Good")):
+            assert await wire.create(bench.certificate("client"), CLIENT, nonce=nonce) == said
+
+    run(check)
+
+
 def test_a_silent_session_lives_for_a_minute_at_the_most(run: Run) -> None:
     """A client that is gone holds a place and what waits for it."""
 

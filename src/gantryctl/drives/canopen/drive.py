@@ -172,7 +172,6 @@ class CanopenDrive:
         self._set_up(open_node(node, self.settings), self.process)
 
     def _first_answer(self) -> None:
-        self._due = True
         self._exchange(_FIRST_ANSWER_S)
         if not self.process.complete:
             raise DeviceError(

@@ -101,6 +101,8 @@ def test_the_torque_stays_while_a_quick_stop_lasts() -> None:
     """The preload holds the unbalanced load until the brake does: 25.7 N m are 100 per mille."""
     bench = Bench().open().enable()
     bench.ramp_to(1.0)
+    turning: list[bool] = []
+    bench.drive._supervision.ask = turning.append  # type: ignore[method-assign]
     seen = each(bench, spied(bench), 150, OutputImage(DriveRequest.QUICK_STOP, ONE_DEG_S, 25.7, True))
     states = {state for state, _ in seen}
     assert states == {
@@ -109,6 +111,8 @@ def test_the_torque_stays_while_a_quick_stop_lasts() -> None:
     for state, command in seen:
         assert command.torque == (0 if state is DriveState.SWITCH_ON_DISABLED else 100), state
         assert command.speed == 0
+    # Its target is its own business until it has stopped.
+    assert turning == [state is not DriveState.SWITCH_ON_DISABLED for state, _ in seen]
     bench.drive.close()
 
 
@@ -137,6 +141,30 @@ def test_who_only_looks_sees_which_telegram_is_late() -> None:
         assert bench.drive.look().link & LinkFlag.LATE
         assert not bench.drive.look().link & LinkFlag.LATE
     bench.drive.close()
+
+
+@pytest.mark.parametrize(
+    ("follows_bit", "shown"),
+    [
+        (False, [DriveState.OPERATION_ENABLED] * 3),
+        (True, [DriveState.SWITCHED_ON, *[DriveState.OPERATION_ENABLED] * 2]),
+    ],
+)
+def test_a_drive_without_bit_12_is_enabled_when_it_says_so(
+    follows_bit: bool, shown: list[DriveState]
+) -> None:
+    drive = object.__new__(CanopenDrive)
+    drive.settings, drive._followed = SimpleNamespace(follows_bit=follows_bit), False  # type: ignore[assignment]
+    words = (0x0237, 0x1237, 0x0237)
+    assert [drive._shown(DriveState.OPERATION_ENABLED, word) for word in words] == shown
+    # Of one that was off it counts anew.
+    assert drive._shown(DriveState.SWITCH_ON_DISABLED, 0x1240) is DriveState.SWITCH_ON_DISABLED
+    assert drive._shown(DriveState.OPERATION_ENABLED, 0x0237) is shown[0]
+
+
+def test_a_real_drive_has_no_gantry_in_this_process() -> None:
+    drive = CanopenDrive(Wire(), canopen_settings(machine()))  # type: ignore[arg-type]
+    assert (drive.plant_state(), drive.truth_source) == ({}, None)
 
 
 @pytest.mark.parametrize("offset", [True, False])
@@ -371,10 +399,13 @@ def test_a_look_at_a_standing_drive_has_the_angle_of_the_run(inverted: bool) -> 
 def test_after_a_silence_the_speed_is_0_before_the_drive_is_started() -> None:
     bench = Bench().open()
     bench.run(0.05, DriveRequest.DISABLE)
-    sent = spied(bench)
+    sent, resumed = spied(bench), []
+    bench.drive.beside.resume = lambda: resumed.append(len(sent))  # type: ignore[method-assign]
     bench.drive.resume()
     speed, started = (SDO, bytes.fromhex("23 FF 60 00 00 00 00 00")), (NMT, bytes.fromhex("01 02"))
     assert sent.index(speed) < sent.index(started)
+    # The nodes beside it too, before the first SYNC.
+    assert resumed == [sent.index(started) + 1]
     bench.event("reset")
     bench.virtual.advance(2_000_000)
     with pytest.raises(DeviceError, match="has restarted"):

@@ -56,6 +56,7 @@ def test_the_controller_of_the_bus_tells_its_state(
     assert link.send(0x202, b"")
     assert link.down is bool(trouble & OFF)
     link.close()
+    assert link.down
 
 
 class Failing(Scripted):

@@ -163,6 +163,23 @@ def test_turns_that_32_bits_do_not_hold_are_not_on_the_bus(turns: int, shown: in
 
 
 @pytest.mark.parametrize(
+    ("owner", "outputs", "by_60fe", "mask"),
+    [
+        ("drive", OutputBits(), False, 0), ("drive", OutputBits(horn=3), False, 8),
+        ("object_60FE", OutputBits(), True, 1), ("object_60FE", OutputBits(lamp=4), True, 0x11),
+        ("controller_output", OutputBits(), False, 0),
+        ("controller_output", OutputBits(brake_release=16), True, 1 << 16),
+    ],
+)  # fmt: skip
+def test_a_brake_at_an_output_of_the_drive_is_worked_by_its_word(
+    owner: str, outputs: OutputBits, by_60fe: bool, mask: int
+) -> None:
+    """Bit 0 of 60FE is the brake of CiA 402, or a bit that the machine file names."""
+    found = settings(brake_owner=owner, outputs=outputs)
+    assert (found.brake_by_60fe, found.output_mask) == (by_60fe, mask)
+
+
+@pytest.mark.parametrize(
     ("period_s", "beats", "missed"), [(0.001, 50, 150), (0.004, 12, 38), (0.010, 5, 15), (0.1, 1, 2)]
 )
 def test_heartbeats_by_scans(period_s: float, beats: int, missed: int) -> None:
