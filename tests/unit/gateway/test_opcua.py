@@ -144,6 +144,8 @@ def test_only_policies_that_sign_and_encrypt_are_offered(run: Run) -> None:
         for endpoint in offered:
             assert endpoint.SecurityMode == ua.MessageSecurityMode.SignAndEncrypt
             assert [token.TokenType for token in endpoint.UserIdentityTokens] == [ua.UserTokenType.UserName]
+            # As its certificate says.
+            assert endpoint.Server.ApplicationUri == "urn:gantryctl:server"
         assert (bench.root / "opcua" / "key.pem").stat().st_mode & 0o077 == 0
 
     run(check)

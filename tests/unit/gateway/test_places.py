@@ -20,7 +20,7 @@ from gantryctl.gateway import door, server
 from gantryctl.gateway.guard import Guard
 from gantryctl.gateway.places import Places
 from gantryctl.gateway.sessions import Session
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, neighbourhood
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, is_loopback, neighbourhood
 from gantryctl.service.protocol.roles import Role
 from support.http_bench import ASK, BIG, PATIENCE_S, run, until_closed
 
@@ -240,3 +240,29 @@ def test_all_addresses_together_have_so_many() -> None:
 )
 def test_limits_count_networks_of_ipv6(address: str, key: str) -> None:
     assert neighbourhood(address) == key
+
+
+@pytest.mark.parametrize(
+    ("host", "ours"),
+    [
+        ("127.0.0.1", True), ("127.8.9.10", True), ("::1", True), ("localhost", True), ("::ffff:127.0.0.1", True),
+        ("192.0.2.7", False), ("::ffff:192.0.2.7", False), ("2001:db8::1", False), ("::", False),
+        ("localhost.example", False), ("", False),
+    ],
+)  # fmt: skip
+def test_which_addresses_are_of_this_machine(host: str, ours: bool) -> None:
+    """A listener of IPv6 sees this machine as ::ffff:127.0.0.1."""
+    assert is_loopback(host) is ours
+
+
+def test_the_process_gets_its_settings_as_they_were_written() -> None:
+    text = (
+        '{"host": "192.0.2.7", "port": 8443, "listener": 5, "certificate": "c.pem", "key": "k.pem", '
+        '"names": ["gantry"], "root": "/r", "directory": "/d"}'
+    )
+    found = Settings.from_json(text)
+    assert found == ("192.0.2.7", 8443, 5, "c.pem", "k.pem", ("gantry",), Path("/r"), Path("/d"))
+    assert found.hosts == {"192.0.2.7:8443", "gantry:8443"}
+    assert found.origins == {"https://192.0.2.7:8443", "https://gantry:8443"}
+    # Browsers leave the default port out.
+    assert found._replace(port=443).hosts == {"192.0.2.7:443", "gantry:443", "192.0.2.7", "gantry"}

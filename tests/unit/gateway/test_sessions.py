@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gantryctl.gateway.sessions import FAILURES, IDLE_S, SESSIONS_OF_USER, WHOLE_S, LockOut, Sessions
+from gantryctl.gateway.sessions import (
+    FAILURES,
+    IDLE_S,
+    SESSIONS_OF_USER,
+    WHOLE_S,
+    LockOut,
+    Sessions,
+    worth_writing,
+)
 from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import Users
@@ -125,6 +133,10 @@ def test_a_flood_of_names_does_not_fill_the_memory() -> None:
     for n in range(20_000):
         locks.failed(f"name{n}", "here")
     assert len(locks._failures) == 10_000
+
+
+def test_the_journal_has_the_first_five_failures_and_every_tenth() -> None:
+    assert [count for count in range(1, 31) if worth_writing(count)] == [1, 2, 3, 4, 5, 10, 20, 30]
 
 
 def test_a_flood_of_names_frees_nobody_who_guessed_a_moment_ago() -> None:
