@@ -213,6 +213,17 @@ def test_only_the_telegrams_of_the_last_30_ms_are_owed() -> None:
     assert contradicted == [0] * 9 + [1, 2]
 
 
+def test_a_telegram_behind_one_that_was_late_is_the_newest() -> None:
+    """The first belongs to the SYNC before, and counts at once; the second answers none that is still waited for."""
+    watch = TpdoWatch(2, 0.004)
+    watch.begin()
+    watch.begin()
+    assert watch.take(b"ab", in_time=False)
+    assert not watch.take(b"cd", in_time=False)
+    assert not watch.take(b"cd", in_time=False)
+    assert (watch.settle(), watch.data, watch.duplicated, watch.contradicted) == (None, b"ab", 2, 0)
+
+
 def test_a_telegram_that_was_passed_over_is_owed_no_more() -> None:
     watch = TpdoWatch(2, 0.004)
     watch.begin()

@@ -216,6 +216,9 @@ def test_only_a_state_without_torque_is_shown(word: str, state: DriveState) -> N
     drive = Stop()
     drive.scan(0x00, scans=20)
     assert drive.asked.reads == [(0x6041, 0)] * len(drive.asked.reads)
+    # A drive that refuses to show its state has shown none.
+    drive.asked.then(None)
+    assert drive.stop.state is S.UNKNOWN
     drive.asked.then(bytes.fromhex(word))
     assert drive.stop.state is state
 
@@ -268,6 +271,17 @@ def test_any_mode_but_csv_is_told(data: str, flag: LinkFlag) -> None:
     drive.asked.then(bytes.fromhex(data))
     assert drive.scan() == flag
     assert drive.watch.forbids is bool(flag)
+
+
+def test_a_target_that_is_told_after_the_enable_is_meant() -> None:
+    drive = Watched()
+    while drive.asked.reads[-1:] != [(0x60FF, 0)]:
+        drive.scan(S.SWITCH_ON_DISABLED, 0x0240, R.DISABLE)
+        drive.watch.ask(False)
+    drive.watch.ask(True)
+    drive.asked.then(bytes.fromhex("01 00 00 00"))
+    assert drive.scan() == LinkFlag.NONE
+    assert not drive.watch.forbids
 
 
 @pytest.mark.parametrize("data", ["01 00 00 00", "00 01 00 00", "00 00 08 00", "00 00 00 FF"])
@@ -339,8 +353,9 @@ def test_more_than_ten_messages_in_a_second_are_a_flood_until_the_next(messages:
     for _ in range(messages):
         drive.node.emergencies.take(bytes.fromhex("20 81 10"), 1)
     assert (drive.scan() == LinkFlag.EMERGENCY_FLOOD) is told
+    # Seconds begin at scans 1 and 251; this was scan 2.
     later = [drive.scan() for _ in range(260)]
-    assert later[-1] == LinkFlag.NONE
+    assert [flag == LinkFlag.EMERGENCY_FLOOD for flag in later] == [told] * 248 + [False] * 12
     for _ in range(messages):
         drive.node.emergencies.take(bytes.fromhex("20 81 10"), 1)
     assert (drive.scan() == LinkFlag.EMERGENCY_FLOOD) is told

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import can
 import pytest
 
-from gantryctl.drives.canopen.bus.interface import Counted
-from gantryctl.drives.canopen.bus.link import BusLink, Frame
+from gantryctl.drives.canopen.bus.interface import Counted, InterfaceCounters
+from gantryctl.drives.canopen.bus.link import BusLink, Frame, open_bus
 from gantryctl.drives.canopen.bus.node import NmtCommand
+from gantryctl.drives.canopen.bus.requests import SdoRequests
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.errors import UsageError
 from gantryctl.image import LinkFlag
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
 from unit.drives.canopen.wire import Wire, remote_node
@@ -115,14 +119,14 @@ class Interface:
     """Counters of a network interface, in steps of 15 frames and 60 bytes."""
 
     def __init__(self, *, counts_own: bool) -> None:
-        self.counts_own, self._reads = counts_own, 0
+        self.counts_own, self._reads, self.closed = counts_own, 0, False
 
     def read(self) -> Counted:
         self._reads += 1
         return Counted(10 + 15 * (self._reads - 1), 100 + 60 * (self._reads - 1))
 
     def close(self) -> None:
-        pass
+        self.closed = True
 
 
 @pytest.mark.parametrize(("counts_own", "bits", "others"), [(True, 1185, 11), (False, 1185 + 3 * 47, 14)])
@@ -136,6 +140,41 @@ def test_frames_that_a_filter_keeps_away_are_those_of_others(
         link.send(0x080, b"")
     link.receive(0.0)
     assert link.traffic == (bits, others)
+    link.close()
+    assert counters.closed
+    assert BusLink(Scripted()).traffic == (0, 0)
+
+
+def statistics(folder: Path, frames: str, data_bytes: str, *, board: bool) -> Path:
+    (folder / "can0" / "statistics").mkdir(parents=True)
+    (folder / "can0" / "statistics" / "rx_packets").write_text(frames)
+    (folder / "can0" / "statistics" / "rx_bytes").write_text(data_bytes)
+    if board:
+        (folder / "can0" / "device").mkdir()
+    return folder
+
+
+@pytest.mark.parametrize("board", [True, False])
+def test_the_counters_of_an_interface_are_those_of_the_system(tmp_path: Path, board: bool) -> None:
+    """A controller on a board does not count what this computer sends; a virtual interface gives it back."""
+    counters = InterfaceCounters("can0", statistics(tmp_path, "15\n", "60\n", board=board))
+    assert (counters.counts_own, counters.read()) == (not board, (15, 60))
+    (tmp_path / "can0" / "statistics" / "rx_packets").write_text("16\n")
+    assert counters.read() == (16, 60)
+    for _ in range(2):
+        counters.close()
+
+
+def test_an_interface_without_statistics_is_none(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="can1"):
+        InterfaceCounters("can1", tmp_path)
+    with pytest.raises(OSError, match="statistics"):
+        InterfaceCounters("can0", statistics(tmp_path, "many", "60", board=True))
+
+
+def test_an_interface_that_there_is_not_is_named_with_those_that_there_are() -> None:
+    with pytest.raises(UsageError, match=r"'telepathy'.*it has: .*socketcan"):
+        open_bus("telepathy")
 
 
 def test_a_filter_passes_every_identifier_that_was_ever_accepted() -> None:
@@ -187,6 +226,42 @@ def test_a_heartbeat_is_a_sign_of_life_with_or_without_a_state(data: str, state:
     node.heartbeat_age = 30
     node.dispatch(Frame(0x702, bytes.fromhex(data)))
     assert (node.heartbeat_age, node.state) == (0, state)
+
+
+def test_the_first_frame_in_our_name_is_told_and_all_are_counted() -> None:
+    node = remote_node(Wire())
+    for can_id in (0x77F, 0x080, 0x602):
+        node.dispatch(Frame(can_id, b""))
+    assert (node.foreign, node.foreign_id) == (3, 0x77F)
+
+
+def test_an_answer_is_waited_for_as_long_as_it_may_take() -> None:
+    wire, seen = Wire(), list[bytes | None]()
+    node = remote_node(wire)
+    requests = SdoRequests(node)
+    requests.read(0x6041, 0, seen.append)
+    requests.wait(0.1)
+    assert (wire.time_s, requests.waiting) == (pytest.approx(0.1), True)
+    wire.comes(0x702, "05")
+    wire.comes(0x582, "4B 41 60 00 37 12 00 00")
+    requests.wait(0.1)
+    assert (wire.time_s, seen, node.state) == (pytest.approx(0.1), [b"\x37\x12"], 0x05)
+
+
+def test_frames_of_others_do_not_hold_up_a_request_for_ever() -> None:
+    wire, passed = Wire(), list[Frame]()
+    receive = wire.receive
+
+    def slow(timeout_s: float) -> Frame | None:
+        wire.time_s += 0.02
+        wire.comes(0x123, "00")
+        return receive(timeout_s)
+
+    wire.receive = slow  # type: ignore[method-assign]
+    sdo = SdoClient(wire, 2, passed.append, 0.05)  # type: ignore[arg-type]
+    with pytest.raises(SdoError, match="no answer"):
+        sdo.write(0x6040, 0, b"\0\0")
+    assert len(passed) == 3
 
 
 def test_frames_that_could_not_be_read_in_time_are_left() -> None:

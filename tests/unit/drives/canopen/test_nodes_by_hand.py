@@ -138,6 +138,74 @@ def test_a_node_goes_on_after_a_silence_unless_it_has_restarted() -> None:
         node.resume()
 
 
+def of_cia_401(outputs: OutputBits) -> tuple[IoNode, Dictionary]:
+    """A node with an identity and every object that it needs."""
+    io = IoNode(
+        remote_node(Wire()),
+        settings(),
+        IoNodeSettings(3, NOTHING._replace(brake_open=0), outputs),
+        lambda: True,
+    )
+    plate = {(0x1000, 0): 401, (0x1018, 1): 0x11, (0x1018, 2): 0x22, (0x1018, 3): 0, (0x1018, 4): 7}
+    sdo = Dictionary(plate | {(row.obj, row.sub): row.value for row in io.node._objects})
+    sdo.values |= {(0x1800, 2): 1, (0x1400, 2): 1}
+    io.node.remote.sdo = sdo  # type: ignore[assignment]
+    return io, sdo
+
+
+@pytest.mark.parametrize(("outputs", "sent"), [(OutputBits(), []), (OutputBits(horn=9), [(0x202, "01 02")])])
+def test_a_node_is_opened_and_gets_the_outputs_that_it_has(
+    outputs: OutputBits, sent: list[tuple[int, str]]
+) -> None:
+    io, _ = of_cia_401(outputs)
+    io.node.open()
+    wire = io.node.remote.link
+    assert wire.sent == [(0x000, "80 02"), (0x000, "01 02")]  # type: ignore[attr-defined]
+    io.send(0x0201)
+    assert wire.sent[2:] == sent  # type: ignore[attr-defined]
+
+
+def test_a_node_that_refuses_its_telegrams_or_is_another_one_is_not_used() -> None:
+    io, sdo = of_cia_401(OutputBits())
+    sdo.refused[0x1A00, 1] = 0x0604_0041
+    with pytest.raises(DeviceError, match=r"I/O: object 6000:01 cannot be mapped"):
+        io.node.open()
+    sdo.refused = {(0x1800, 1): 0x0601_0002}
+    with pytest.raises(DeviceError, match="its telegrams cannot be mapped"):
+        io.node.open()
+    sdo.refused.clear()
+    io.node.open()
+    sdo.values[0x1018, 4] = 8
+    with pytest.raises(DeviceError, match="another node"):
+        io.node.open()
+
+
+@pytest.mark.parametrize(("watch", "written"), [(0x007F_0096, [(0x1016, 1, 0)]), (0, []), (None, [])])
+def test_a_node_that_is_released_watches_nobody_any_more(
+    watch: int | None, written: list[tuple[int, int, int]]
+) -> None:
+    io, sdo = of_cia_401(OutputBits())
+    del sdo.values[0x1016, 1]
+    if watch is not None:
+        sdo.values[0x1016, 1] = watch
+    io.node.release()
+    assert (io.node.remote.link.sent, sdo.written) == ([(0x000, "80 02")], written)  # type: ignore[attr-defined]
+
+
+def test_a_drive_alone_has_no_second_reading_and_nothing_to_resume() -> None:
+    beside = neighbours()
+    beside.open()
+    beside.resume()
+    assert beside.ring_rad(None) == 0.0  # type: ignore[arg-type]
+    assert (beside.changed, beside.health()) == (False, ())
+
+
+def test_all_nodes_beside_the_drive_are_resumed() -> None:
+    beside = neighbours(io=IoNodeSettings(3, CONTACTS, OutputBits()), load_encoder=RING)
+    beside.resume()
+    assert beside._drive.link.sent == [(0x000, "01 03"), (0x000, "01 04")]  # type: ignore[attr-defined]
+
+
 def ring(steps: int, turns: int) -> RingEncoder:
     """An encoder of 2^20 steps in a turn of the axis that says it has so many steps and turns."""
     encoder = RingEncoder(remote_node(Wire()), settings(load_encoder=RING), RING, lambda: True)

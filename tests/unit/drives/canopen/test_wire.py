@@ -117,6 +117,21 @@ def test_the_ends_of_the_numbers() -> None:
     assert BusUnits(settings(torque_reference=2.0), 257.0).torque(25.7) == 50
 
 
+def test_a_scan_waits_for_its_answers_and_no_longer() -> None:
+    """2 ms at the most, and not at all where both telegrams are there."""
+    bus = Telegrams()
+    for frames, waited_s, answered in (
+        (BOTH, 0.0, 1),
+        (BOTH[:1], 0.002, 1),
+        (BOTH[1:], 0.004, 1),
+        (BOTH, 0.004, 2),
+    ):
+        bus.sync(*frames)
+        assert bus.wire.time_s == pytest.approx(waited_s)
+        assert len(bus.image.answer_times_s) == answered
+    assert list(bus.image.answer_times_s) == pytest.approx([0.0, 0.0])
+
+
 def test_each_telegram_has_its_own_age() -> None:
     bus = Telegrams()
     ages = [(s.age, s.speed_age, s.inputs_age, s.silence) for s in [bus.sync(*BOTH)]]
