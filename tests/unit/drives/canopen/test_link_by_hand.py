@@ -63,6 +63,15 @@ def test_the_controller_of_the_bus_tells_its_state(
     assert link.down
 
 
+@pytest.mark.parametrize(
+    ("advances", "told", "stepped"), [(False, False, False), (False, True, True), (True, False, True)]
+)
+def test_a_drive_in_this_process_is_always_stepped(advances: bool, told: bool, stepped: bool) -> None:
+    link = BusLink(Scripted(), advance=(lambda seconds: None) if advances else None, stepped=told)
+    assert link.stepped is stepped
+    link.close()
+
+
 class Failing(Scripted):
     """Takes the frames that it is told to take."""
 

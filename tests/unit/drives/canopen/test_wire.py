@@ -159,6 +159,7 @@ def test_one_old_telegram_makes_the_inputs_old() -> None:
 def test_the_bits_of_the_encoder(word: str, flag: EncoderFlag) -> None:
     status = m.Signal(0x2110, 5, 16, False)
     bus = Telegrams(ALL, status, encoder=EncoderStatus(0x2110, 5, 2, 0, 1, 2, 3))
+    assert bus.image.encoder_flags == EncoderFlag.NONE
     assert bus.sync(*BOTH, (0x382, word)).encoder_flags == flag
 
 
