@@ -60,6 +60,16 @@ GANTRY_INLINE double pow2(double n) {
   return result;
 }
 
+// The second where the first is NaN.
+template <class T>
+GANTRY_INLINE T smaller(T x, T y) {
+  return select(x < y, x, y);
+}
+template <class T>
+GANTRY_INLINE T larger(T x, T y) {
+  return select(x > y, x, y);
+}
+
 // Limits x to [lo, hi] and lets NaN through: every comparison with NaN is false, so x itself is returned.
 // (max(lo, min(hi, x)) would make full speed out of NaN.)
 template <class T>

@@ -13,7 +13,6 @@ namespace gantry::GANTRY_ISA {
 template <class T>
 class EccentricTorque {
  public:
-  EccentricTorque() = default;
   EccentricTorque(const PlantParams<T>& p, T pos_load) : pos_(pos_load) {
     const SinCos<T> s = sincos(pos_load - p.eccentric_angle_rad);
     value_ = p.eccentric_moment_nm * s.sin;
@@ -26,9 +25,7 @@ class EccentricTorque {
   }
 
  private:
-  T pos_ = T(0.0);
-  T value_ = T(0.0);
-  T slope_ = T(0.0);
+  T pos_, value_, slope_;
 };
 
 // What passes with the motor: its own turn, the pinion's and its teeth. Continued by the addition theorem,
@@ -70,8 +67,7 @@ T wind_moment(const PlantParams<T>& p, T time) {
   T gust = T(0.0);
   for (std::size_t n = 0; n < kWindWaves; ++n)
     gust = gust + p.wind_wave_nm[n] * sincos(p.wind_rate_rad_s[n] * time + p.wind_phase_rad[n]).sin;
-  const T risen = time * T(1.0 / kRise);
-  return p.wind_moment_nm + gust * select(risen < T(1.0), risen, T(1.0));
+  return p.wind_moment_nm + gust * smaller(time * T(1.0 / kRise), T(1.0));
 }
 
 // What one motor with its reducer and pinion passes: the ring at the angle where the pinion meets it, the

@@ -53,33 +53,32 @@ struct DriveParams {
 // What the motors of an axis are asked for; without a second one `second` is 0.
 template <class T>
 struct MotorTorques {
-  T first = T(0.0);
-  T second = T(0.0);
+  T first;
+  T second;
 };
 
 // Parameters and what follows from them, computed once.
 template <class T>
 struct Drive {
   DriveParams<T> p;
-  T cycle_inverse = T(0.0);         // 1/Ts
-  T integral_step = T(0.0);         // Ts/Tvi
-  T speed_fresh = T(1.0);           // 1 - speed_filter
-  T speed_count_inverse = T(0.0);   // 1/count of the speed feedback; 0: ideal
-  T rated_inverse = T(0.0);         // 1/T_rated
-  T budget_s = T(0.0);              // I2t account at which the limit falls
-  T torque_continuous_nm = T(0.0);  // the limit then
+  T cycle_inverse;         // 1/Ts
+  T integral_step;         // Ts/Tvi
+  T speed_fresh;           // 1 - speed_filter
+  T speed_count_inverse;   // 1/count of the speed feedback; not looked at where it is ideal
+  T rated_inverse;         // 1/T_rated
+  T budget_s;              // I2t account at which the limit falls
+  T torque_continuous_nm;  // the limit then
 
   Drive() : Drive(DriveParams<T>()) {}
   explicit Drive(const DriveParams<T>& params) : p(params) {
     cycle_inverse = T(1.0) / p.cycle_s;
     integral_step = p.cycle_s / p.tvi_s;
     speed_fresh = T(1.0) - p.speed_filter;
-    const auto counts = p.speed_count_rad > T(0.0);
-    speed_count_inverse = select(counts, T(1.0) / select(counts, p.speed_count_rad, T(1.0)), T(0.0));
+    speed_count_inverse = T(1.0) / p.speed_count_rad;
     rated_inverse = T(1.0) / p.torque_rated_nm;
     const T ratio = p.torque_max_nm * rated_inverse;
     budget_s = (ratio * ratio - T(1.0)) * p.overload_time_s;
-    torque_continuous_nm = select(p.torque_max_nm < p.torque_rated_nm, p.torque_max_nm, p.torque_rated_nm);
+    torque_continuous_nm = smaller(p.torque_max_nm, p.torque_rated_nm);
   }
 };
 
@@ -155,9 +154,8 @@ MotorTorques<T> shared(const T& u, const T& preload, const T& limit) {
 
 // Torque of the one that has more.
 template <class T>
-T larger_share(const DriveParams<T>& p, const T& u, const T& limit) {
-  const T torque = T(0.5) * vabs(u) + vabs(p.preload_nm);
-  return select(torque < limit, torque, limit);
+T larger_share(const DriveParams<T>& p, const T& u) {
+  return smaller(T(0.5) * vabs(u) + vabs(p.preload_nm), p.torque_max_nm);
 }
 
 // u at which both have their limit.
@@ -170,10 +168,7 @@ T limit_of_two(const DriveParams<T>& p, const T& limit) {
 // two motors the account is that of the one with the larger share.
 template <class T>
 GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
-  const T flows = drive.p.two_motors ? larger_share(drive.p, s.torque_set,
-                                                    select(s.overload < drive.budget_s, drive.p.torque_max_nm,
-                                                           drive.torque_continuous_nm))
-                                     : s.torque_set;
+  const T flows = drive.p.two_motors ? larger_share(drive.p, s.torque_set) : s.torque_set;
   const T load = flows * drive.rated_inverse;
   s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget_s);
   return select(s.overload < drive.budget_s, drive.p.torque_max_nm, drive.torque_continuous_nm);

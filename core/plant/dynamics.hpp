@@ -21,7 +21,8 @@ struct Plant {
   T ripple_inverse, hysteresis_inverse;
 
   Plant() : Plant(PlantParams<T>()) {}
-  explicit Plant(const PlantParams<T>& params) : p(params), gear(params) {
+  explicit Plant(const PlantParams<T>& params)
+      : p(params), gear(params), second_gear(GearError<T>::of_second(params)) {
     roller = {p.roller_coulomb_nm,           p.roller_breakaway_nm,   p.roller_stribeck_rad_s,
               p.roller_viscous_nm_s_per_rad, p.roller_presliding_rad, p.roller_micro_damping,
               p.inertia_load_kg_m2};
@@ -36,7 +37,6 @@ struct Plant {
     cable = {p.cable_friction_nm, p.cable_friction_nm, T(1e-9), T(0.0), p.cable_presliding_rad, T(0.0),
              p.inertia_load_kg_m2};
     cogging = Harmonic<T>(p.cogging_torque_nm, p.cogging_phase_rad);
-    if (p.second_pinion) second_gear = GearError<T>::of_second(p);
     gate = gate_of(p.friction_ep_ratio);
     break_1 = p.torque_1_nm / p.stiffness_1_nm_per_rad;
     break_2 = break_1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad;
@@ -109,14 +109,15 @@ template <class T>
 struct Forces {
   TrainForces<T> first;
   TrainForces<T> second;  // of the second pinion
-  T acc_load = T(0.0), acc_base = T(0.0);
-  T torque_mesh = T(0.0);  // Tg of the pinion that carries more
+  T acc_load;
+  T acc_base = T(0.0);
+  T torque_mesh;  // Tg of the pinion that carries more
   Friction<T> roller, cable;
 };
 
 template <class T>
 struct Mesh {
-  T torque = T(0.0);
+  T torque;
   T hysteresis_rate = T(0.0);
 };
 
@@ -126,7 +127,7 @@ GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T half_gap, T twist, T 
   const PlantParams<T>& p = plant.p;
   const T side = sign(twist);
   const T windup = vabs(twist) - half_gap;  // |De|, negative in the gap
-  const T spring = plant.spring(select(windup > T(0.0), windup, T(0.0)));
+  const T spring = plant.spring(larger(windup, T(0.0)));
   Mesh<T> m;
   m.torque = side * spring + p.damping_nm_s_per_rad * twist_rate + hysteresis;
   if (p.hysteresis) {
@@ -148,7 +149,7 @@ GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T half_gap, T twist, T 
 template <class T>
 GANTRY_INLINE T ripple_torque(const Plant<T>& plant, T wave, T torque_motor) {
   const T load = vabs(torque_motor) * plant.ripple_inverse;
-  return plant.p.ripple_torque_nm * wave * select(load < T(1.0), load, T(1.0));
+  return plant.p.ripple_torque_nm * wave * smaller(load, T(1.0));
 }
 
 // Viscous friction at another temperature than that of alignment.
@@ -198,19 +199,14 @@ GANTRY_INLINE MotorSide<T> motor_side(const Plant<T>& plant, const GearError<T>&
   waves.reach(gear, pos_motor);
   const T way = pos_motor - waves.pos;
   const SinCos<T> motor = angle_sum(waves.motor, sincos_small<4>(way));
-  const SinCos<T> two = twice(motor);
-  const SinCos<T> four = twice(two);
   if (p.gear_error) {
+    const SinCos<T> two = twice(motor);
     const T turn = way * gear.pinion_per_motor;
-    side.error = gear.motor_error(motor, two, four, waves.turn.rotated(sincos_small<2>(turn)),
+    side.error = gear.motor_error(motor, two, twice(two), waves.turn.rotated(sincos_small<2>(turn)),
                                   waves.tooth.rotated(sincos_small<3>(turn * gear.teeth)));
   }
-  if (p.ripple)
-    side.ripple = p.ripple_order % 4 == 0 ? multiple(four, p.ripple_order / 4).sin
-                                          : multiple(motor, p.ripple_order).sin;
-  if (p.cogging)
-    side.cogging = plant.cogging.value(p.cogging_order % 4 == 0 ? multiple(four, p.cogging_order / 4)
-                                                                : multiple(motor, p.cogging_order));
+  if (p.ripple) side.ripple = multiple(motor, p.ripple_order).sin;
+  if (p.cogging) side.cogging = plant.cogging.value(multiple(motor, p.cogging_order));
   return side;
 }
 

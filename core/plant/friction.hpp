@@ -110,7 +110,7 @@ GANTRY_INLINE T friction_step(T z, const Friction<T>& f, T dt) {
   if (any(x > T(0.0))) {
     mean = decayed_mean(x);
     const auto far = x > T(4.0);
-    if (any(far)) mean = select(far, (T(1.0) - vexp(-x)) / select(far, x, T(1.0)), mean);
+    if (any(far)) mean = select(far, (T(1.0) - vexp(-x)) / x, mean);
   }
   return z + f.z_rate * (dt * mean);
 }

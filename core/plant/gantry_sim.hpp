@@ -40,11 +40,11 @@ struct Brake {
 
 // How time passes for a plant; one and the same in a pack.
 struct Timing {
-  double scan_period_s = 1e-3;
-  double cycle_s = 125e-6;
-  int cycles_per_scan = 8;
-  Scheme scheme = Scheme::kOneEvaluation;
-  int rk4_steps = 2;
+  double scan_period_s;
+  double cycle_s;
+  int cycles_per_scan;
+  Scheme scheme;
+  int rk4_steps;
   double anchor_period_s = 1e-3;  // waves are evaluated in full at most this far apart (anchor.hpp)
 };
 
@@ -64,7 +64,7 @@ class GantrySim {
     T values[6];
   };
 
-  GantrySim() = default;
+  GantrySim() = default;  // to be built before it is used
   GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, T brake_close_cycles,
             T brake_open_cycles, const Timing& timing) {
     build(plant, drive, brake_close_cycles, brake_open_cycles, timing);
@@ -171,7 +171,7 @@ class GantrySim {
                       ? encoder_position(p, encoder.position(x.pos_motor), encoder.speed(x.vel_motor))
                       : encoder_position(p, x.pos_motor, x.vel_motor);
     const auto real = p.position_count_rad > T(0.0);
-    const T steps = vround(pos / select(real, p.position_count_rad, T(1.0)));
+    const T steps = vround(pos / p.position_count_rad);
     return select(real, steps * (p.position_count_rad / count), pos / count) + count_offset;
   }
 
@@ -183,10 +183,7 @@ class GantrySim {
   void jump_encoder(T angle) { encoder.jump(angle, x.pos_motor); }
 
   // Used part of the I2t budget, 0..1.
-  T overload() const {
-    const auto has_budget = drive_.budget_s > T(0.0);
-    return select(has_budget, s.overload / select(has_budget, drive_.budget_s, T(1.0)), T(0.0));
-  }
+  T overload() const { return select(drive_.budget_s > T(0.0), s.overload / drive_.budget_s, T(0.0)); }
 
   // The load-side encoder in this scan, rad; 0 without one.
   T ring_reading() const {
@@ -294,8 +291,8 @@ class GantrySim {
     const PlantParams<T>& p = plant_.p;
     x.pos_motor_2 = x.pos_motor;
     x.motor_age_2 = x.motor_age;
-    const T first_has = T(servo_on && p.lost_motor != 1 ? 1.0 : 0.0);
-    const T second_has = T(servo_on && p.lost_motor != 2 ? 1.0 : 0.0);
+    const T first_has = T(p.lost_motor != 1 ? 1.0 : 0.0);
+    const T second_has = T(p.lost_motor != 2 ? 1.0 : 0.0);
     const T constant = p.thermal || p.torque_constant ? thermal.motor_torque : T(1.0);
     const bool share = servo_on && p.lost_motor == 0;
     const T preload = p.ratio * (constant * drive_.p.preload_nm);
@@ -365,10 +362,10 @@ class GantrySim {
   Plant<T> plant_;
   Drive<T> drive_;
   CurrentLoop<T> current_;
-  T close_cycles_ = T(0.0);  // dead times of the brake, drive cycles
-  T open_cycles_ = T(0.0);
+  T close_cycles_;  // dead times of the brake, drive cycles
+  T open_cycles_;
   Timing timing_;
-  int cycles_per_anchor_ = 8;
+  int cycles_per_anchor_;
 };
 
 }  // namespace gantry::GANTRY_ISA

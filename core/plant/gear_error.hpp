@@ -59,11 +59,10 @@ template <class T>
 struct GearError {
   std::array<Harmonic<T>, kRingHarmonics> ring;
   Harmonic<T> reducer_1x, reducer_2x, reducer_4x, pinion, mesh;
-  T pinion_per_motor = T(1.0);  // 1/i1
-  T teeth = T(1.0);             // tooth-mesh cycles per pinion turn
-  T reach = T(0.5);             // way of the motor, rad, over which waves are continued (anchor.hpp)
+  T pinion_per_motor;  // 1/i1
+  T teeth;             // tooth-mesh cycles per pinion turn
+  T reach;             // way of the motor, rad, over which waves are continued (anchor.hpp)
 
-  GearError() = default;
   explicit GearError(const PlantParams<T>& p)
       : reducer_1x(p.error_reducer_1x_rad, p.phase_reducer_1x_rad),
         reducer_2x(p.error_reducer_2x_rad, p.phase_reducer_2x_rad),
@@ -77,8 +76,7 @@ struct GearError {
     // 0.2 rad of the teeth, or 0.03 rad of the pinion
     const T tooth_reach = T(0.2) / (teeth * pinion_per_motor);
     const T turn_reach = T(0.03) / pinion_per_motor;
-    const T gear_reach = select(tooth_reach < turn_reach, tooth_reach, turn_reach);
-    reach = select(gear_reach < reach, gear_reach, reach);
+    reach = smaller(smaller(tooth_reach, turn_reach), T(0.5));
   }
 
   // That of the second pinion: the same gears in the same ring, begun at other angles.

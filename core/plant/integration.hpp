@@ -12,10 +12,10 @@ enum class Scheme { kOneEvaluation, kRungeKutta4 };
 // ideal.
 template <class T>
 struct CurrentLoop {
-  bool some_ideal = true;  // in a pack some lanes may be ideal and others not
-  bool some_real = false;
-  T decay = T(0.0);  // exp(-wc dt)
-  T bandwidth = T(0.0);
+  bool some_ideal;  // in a pack some lanes may be ideal and others not
+  bool some_real;
+  T decay;  // exp(-wc dt)
+  T bandwidth;
 
   CurrentLoop() = default;
   CurrentLoop(const PlantParams<T>& p, double dt) : bandwidth(p.current_bandwidth_rad_s) {
@@ -29,9 +29,7 @@ struct CurrentLoop {
     return some_ideal ? select(bandwidth > T(0.0), torque, u) : torque;
   }
   GANTRY_INLINE T at_end(T u, T torque) const {
-    if (!some_real) return torque;
-    const T later = u + (torque - u) * decay;
-    return some_ideal ? select(bandwidth > T(0.0), later, torque) : later;
+    return some_real ? u + (torque - u) * decay : torque;  // u itself where it is ideal
   }
 };
 

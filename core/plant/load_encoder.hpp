@@ -60,7 +60,7 @@ T load_encoder_reading(const LoadEncoderParams<T>& p, T pos, T vel, T n) {
     set_lane(noise, k, reading_noise(static_cast<std::uint64_t>(lane(n, k))));
   const T seen = at + scale_error(p, at) + p.noise_rad * noise;
   const auto stepped = p.step_rad > T(0.0);
-  return select(stepped, p.step_rad * vround(seen / select(stepped, p.step_rad, T(1.0))), seen);
+  return select(stepped, p.step_rad * vround(seen / p.step_rad), seen);
 }
 
 }  // namespace gantry::GANTRY_ISA

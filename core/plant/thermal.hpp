@@ -8,11 +8,10 @@ namespace gantry::GANTRY_ISA {
 
 template <class T>
 struct Thermal {
-  T half_backlash = T(0.0);
-  T viscosity = T(1.0);     // of that at alignment
-  T motor_torque = T(1.0);  // of that which the drive believes
+  T half_backlash;
+  T viscosity = T(1.0);  // of that at alignment
+  T motor_torque;        // of that which the drive believes
 
-  Thermal() = default;
   // A time after the start.
   Thermal(const PlantParams<T>& p, T time)
       : half_backlash(p.half_backlash_rad), motor_torque(p.torque_constant_ratio) {
@@ -21,8 +20,7 @@ struct Thermal {
         p.gear_temp_end_k + (p.gear_temp_start_k - p.gear_temp_end_k) * vexp(-(time / p.gear_temp_time_s));
     const T motor = p.motor_temp_end_k +
                     (p.motor_temp_start_k - p.motor_temp_end_k) * vexp(-(time / p.motor_temp_time_s));
-    const T gap = half_backlash + p.half_backlash_rad_per_k * gear;
-    if (p.backlash) half_backlash = select(gap > T(0.0), gap, T(0.0));
+    if (p.backlash) half_backlash = larger(half_backlash + p.half_backlash_rad_per_k * gear, T(0.0));
     viscosity = vexp(p.viscosity_per_k * gear);
     motor_torque = motor_torque * (T(1.0) + p.torque_constant_per_k * motor);
   }

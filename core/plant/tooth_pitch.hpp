@@ -15,7 +15,7 @@ RingError<T> pitch_error(T pos, T units, T units_per_rad, T contact_ratio, const
   T here = T(0.0), next = T(0.0);
   for (int k = 0; k < kLanes<T>; ++k) {
     const double number = lane(tooth, k);
-    const long n = number > -1e9 && number < 1e9 ? static_cast<long>(number) : 0;
+    const long n = vabs(number) < 1e9 ? static_cast<long>(number) : 0;  // NaN is none
     set_lane(here, k, deviation(k, n));
     set_lane(next, k, deviation(k, n + 1));
   }
