@@ -19,6 +19,11 @@ int cycles_until(Brake<double> brake, bool open, int close_cycles, int open_cycl
   return -1;
 }
 
+TEST(Brake, is_closed_before_any_command) {
+  EXPECT_TRUE(Brake<double>().closed);
+  EXPECT_EQ(Brake<double>().countdown, 0.0);
+}
+
 TEST(Brake, closes_after_exactly_its_dead_time) {
   const Brake<double> open{false, 0};
   EXPECT_EQ(cycles_until(open, false, 1200, 800), 1200);

@@ -98,6 +98,7 @@ TEST(Drive, without_power_gives_no_torque_at_once_and_begins_where_the_shaft_is)
   EXPECT_FALSE(shaft.limited);
   EXPECT_EQ(DriveCommand<double>().vel_cmd_rad_s, 0.0);
   EXPECT_TRUE(DriveCommand<double>().off);
+  EXPECT_FALSE(DriveCommand<double>().quick_stop);
   EXPECT_EQ(DriveCommand<double>().torque_ff_nm, 0.0);
 }
 

@@ -208,7 +208,8 @@ TEST(Forces, a_weak_motor_gives_less_than_its_drive_believes) {
 TEST(Forces, cold_grease_holds_back_more_in_both_directions) {
   FrictionParams<double> p;
   p.viscous = 5.0;
-  Thermal<double> cold;
+  Thermal<double> cold(simple_plant(), 0.0);
+  EXPECT_EQ(cold.viscosity, 1.0);
   cold.viscosity = 1.3;
   for (double side : {1.0, -1.0}) {
     Friction<double> f;
@@ -249,10 +250,43 @@ TEST(Forces, what_is_switched_off_does_not_act) {
   const auto f = at(simple_plant(), x);
   EXPECT_EQ(f.first.hysteresis_rate, 0.0);
   EXPECT_EQ(f.acc_base, 0.0);
-  EXPECT_EQ(f.roller.torque, 0.0);
-  EXPECT_EQ(f.first.motor.torque, 0.0);
-  EXPECT_EQ(f.first.brake.torque, 0.0);
-  EXPECT_EQ(f.cable.torque, 0.0);
+  for (const Friction<double>& none : {f.roller, f.cable, f.first.motor, f.first.brake, f.second.motor})
+    for (double each : {none.torque, none.z_rate, none.slip_rate}) EXPECT_EQ(each, 0.0);
+  PlantParams<double> rigid = simple_plant();
+  rigid.rigid = true;
+  for (const auto& none : {f.second, at(rigid, x).second})  // a pinion that is not there
+    for (double each : {none.acc_motor, none.torque_mesh, none.on_ring, none.hysteresis_rate})
+      EXPECT_EQ(each, 0.0);
+  const auto on_one_shaft = at(rigid, x).first;  // no mesh between motor and load
+  for (double each : {on_one_shaft.torque_mesh, on_one_shaft.on_ring, on_one_shaft.hysteresis_rate})
+    EXPECT_EQ(each, 0.0);
+}
+
+// 4 kN m/rad of a brake of 2 N m over 0.5 mrad on 1 kg m2: 1.4 sqrt(4000) N m s/rad damp it before it slips;
+// cables have no damping.
+TEST(Forces, a_brake_is_damped_before_it_slips_and_cables_are_not) {
+  PlantParams<double> p = simple_plant();
+  p.brake_torque_nm = 2.0;
+  p.brake_presliding_rad = 5e-4;
+  p.cable = true;
+  p.cable_friction_nm = 6.0;
+  p.cable_presliding_rad = 1e-3;
+  State x;
+  x.vel_motor = 1e-3;
+  x.vel_load = 1e-9;
+  EXPECT_NEAR(at(p, x, true).first.brake.torque, 1.4 * std::sqrt(4000.0) * 1e-3, 1e-12);
+  EXPECT_EQ(at(p, x).cable.torque, 0.0);
+}
+
+// At the end of the gap, and of none, nothing is transmitted.
+TEST(Forces, a_flank_that_is_only_touched_does_not_push) {
+  PlantParams<double> p = simple_plant();
+  p.backlash = p.hysteresis = true;
+  p.hysteresis_torque_nm = 4.0;
+  State x;
+  x.hysteresis = 3.0;
+  EXPECT_EQ(at(p, x).torque_mesh, 0.0);
+  EXPECT_NEAR(at(p, x).first.hysteresis_rate, -300.0, 1e-9);
 }
 
 // 4 N m of hysteresis and a tenth of 20 N m in the spring, over 1 mrad: at 0.5 rad/s and no hysteresis yet it

@@ -148,6 +148,12 @@ TEST(Friction, step_is_exact_on_both_sides_of_the_range_of_the_mean) {
   }
 }
 
+// Only the viscous part is left, slow and fast.
+TEST(Friction, of_an_element_without_strength_is_viscous) {
+  const FrictionParams<double> p(0.0, 0.0, 1.0, 5.0, 1e-3, 0.3, 1.0);
+  for (double v : {0.0, 0.1, 100.0}) EXPECT_EQ(friction<false>(p, gate_of(kRatio), v, 0.0).torque, 5.0 * v);
+}
+
 TEST(Friction, of_nan_is_nan) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_TRUE(std::isnan(friction<false>(motor(), gate_of(kRatio), nan, 0.0).torque));

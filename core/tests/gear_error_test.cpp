@@ -137,6 +137,24 @@ TEST(Anchor, ring_has_the_errors_of_its_waves_and_of_its_teeth) {
   EXPECT_NEAR(anchor.first.ring.rho, 0.45 * kPi, 1e-15);
 }
 
+// No waves, no teeth, a motor at 0.
+TEST(Anchor, has_nothing_of_a_pinion_that_is_not_there) {
+  PlantState<double> x;
+  x.pos_motor_2 = 3.0;
+  const PlantParams<double> p;
+  const GearError<double> gear(p);
+  const TrainAnchor<double> second = Anchor<double>(p, gear, gear, x, 0.0).second;
+  for (const RingError<double>& none : {second.ring, second.pinion_pitch})
+    for (double each : {none.rho, none.error, none.slope, none.curvature}) EXPECT_EQ(each, 0.0);
+  EXPECT_EQ(second.waves.pos, 0.0);
+  EXPECT_EQ(second.waves.motor.sin, 0.0);
+  EXPECT_EQ(second.waves.motor.cos, 1.0);
+  for (const ErrorValue<double>& none : {second.waves.turn, second.waves.tooth}) {
+    EXPECT_EQ(none.error, 0.0);
+    EXPECT_EQ(none.slope, 0.0);
+  }
+}
+
 // 30 N m and a gust of 10 sin(0.1 t + 0.2), which has half its size after 5 s and all of it from 10 s on.
 TEST(Wind, rises_within_ten_seconds) {
   PlantParams<double> p;

@@ -245,6 +245,18 @@ TEST(Integration, wind_is_evaluated_once_in_an_anchor_period) {
     }
 }
 
+// Gusts begin at nothing.
+TEST(Integration, a_cycle_alone_begins_at_the_time_of_its_scan) {
+  PlantParams<double> p = simple_plant();
+  p.rigid = p.wind = true;
+  p.wind_wave_nm[0] = 1e6;
+  p.wind_phase_rad[0] = 1.5;
+  GantrySim<double> sim = at_rest(p, Scheme::kOneEvaluation);
+  sim.advance(0.0, kCycle);
+  EXPECT_EQ(sim.x.vel_load, 0.0);
+  EXPECT_EQ(sim.timing().anchor_period_s, 1e-3);  // where none was given
+}
+
 // Numbers that nothing comes of, and that would cost the processor its time, are zero after a scan.
 TEST(Integration, nothing_subnormal_is_kept) {
   GantrySim<double> sim = at_rest(simple_plant(), Scheme::kOneEvaluation);

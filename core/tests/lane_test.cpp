@@ -5,8 +5,10 @@
 #include <limits>
 #include <random>
 
+#include "core/lane/counted.hpp"
 #include "core/lane/elementary.hpp"
 #include "core/lane/pack.hpp"
+#include "core/lane/twin.hpp"
 
 namespace gantry {
 namespace {
@@ -148,6 +150,17 @@ TEST(Clamp, limits_on_both_sides) {
   EXPECT_EQ(clamp(-kInfinity, -1.0, 2.0), -1.0);
 }
 
+TEST(Smaller, and_larger_take_the_second_of_equal_ones_and_for_nan) {
+  EXPECT_EQ(smaller(1.0, 2.0), 1.0);
+  EXPECT_EQ(smaller(2.0, 1.0), 1.0);
+  EXPECT_EQ(larger(1.0, 2.0), 2.0);
+  EXPECT_EQ(larger(2.0, 1.0), 2.0);
+  EXPECT_EQ(smaller(kNaN, 1.0), 1.0);
+  EXPECT_EQ(larger(kNaN, 1.0), 1.0);
+  EXPECT_TRUE(std::signbit(smaller(0.0, -0.0)));
+  EXPECT_TRUE(std::signbit(larger(0.0, -0.0)));
+}
+
 TEST(Clamp, lets_nan_through) {
   EXPECT_TRUE(std::isnan(clamp(kNaN, -1.0, 2.0)));
   const Pack<4> lanes = clamp(Pack<4>(kNaN), Pack<4>(-1.0), Pack<4>(2.0));
@@ -167,29 +180,29 @@ TEST(Sign, counts_zero_as_positive) {
   EXPECT_EQ(sign(-1e-300), -1.0);
 }
 
-template <int N>
-Pack<N> random_pack(std::mt19937_64& random) {
+template <class P>
+P random_pack(std::mt19937_64& random) {
   std::uniform_real_distribution<double> number(-9.0, 9.0);
-  Pack<N> p;
-  for (int k = 0; k < N; ++k) p.lane[k] = number(random);
+  P p;
+  for (int k = 0; k < kLanes<P>; ++k) set_lane(p, k, number(random));
   return p;
 }
 
-template <int N>
-void expect_lanes(const Pack<N>& pack, const Pack<N>& a, const Pack<N>& b, double (*scalar)(double, double)) {
-  for (int k = 0; k < N; ++k) EXPECT_EQ(pack.lane[k], scalar(a.lane[k], b.lane[k])) << "lane " << k;
+template <class P>
+void expect_lanes(const P& pack, const P& a, const P& b, double (*scalar)(double, double)) {
+  for (int k = 0; k < kLanes<P>; ++k)
+    EXPECT_EQ(lane(pack, k), scalar(lane(a, k), lane(b, k))) << "lane " << k;
 }
 
-template <class Width>
+template <class P>
 class PackOf : public testing::Test {};
-using Widths = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 4>,
-                              std::integral_constant<int, 8>>;
-TYPED_TEST_SUITE(PackOf, Widths, );  // the comma: Clang asks for the argument that may be left out
+using Packs = testing::Types<Pack<2>, Pack<4>, Pack<8>, Twin<Pack<2>>, Twin<Pack<4>>>;
+TYPED_TEST_SUITE(PackOf, Packs, );  // the comma: Clang asks for the argument that may be left out
 
 TYPED_TEST(PackOf, numbers_computes_lane_by_lane) {
-  constexpr int N = TypeParam::value;
+  using P = TypeParam;
   std::mt19937_64 random(5);
-  const Pack<N> a = random_pack<N>(random), b = random_pack<N>(random);
+  const P a = random_pack<P>(random), b = random_pack<P>(random);
   expect_lanes(a + b, a, b, [](double x, double y) { return x + y; });
   expect_lanes(a - b, a, b, [](double x, double y) { return x - y; });
   expect_lanes(a * b, a, b, [](double x, double y) { return x * y; });
@@ -200,41 +213,66 @@ TYPED_TEST(PackOf, numbers_computes_lane_by_lane) {
   expect_lanes(select(a < b, a, b), a, b, [](double x, double y) { return x < y ? x : y; });
   expect_lanes(select(a >= b, a, b), a, b, [](double x, double y) { return x >= y ? x : y; });
   expect_lanes(select(negate(a > b), a, b), a, b, [](double x, double y) { return x > y ? y : x; });
-  expect_lanes(select(both(a > Pack<N>(0.0), b > Pack<N>(0.0)), a, b), a, b,
+  expect_lanes(select(both(a > P(0.0), b > P(0.0)), a, b), a, b,
                [](double x, double y) { return x > 0.0 && y > 0.0 ? x : y; });
-  expect_lanes(select(either(a > Pack<N>(0.0), b > Pack<N>(0.0)), a, b), a, b,
+  expect_lanes(select(either(a > P(0.0), b > P(0.0)), a, b), a, b,
                [](double x, double y) { return x > 0.0 || y > 0.0 ? x : y; });
-  expect_lanes(select(differ(a > Pack<N>(0.0), b > Pack<N>(0.0)), a, b), a, b,
+  expect_lanes(select(differ(a > P(0.0), b > P(0.0)), a, b), a, b,
                [](double x, double y) { return (x > 0.0) != (y > 0.0) ? x : y; });
 }
 
 TYPED_TEST(PackOf, numbers_has_the_elementary_functions_of_a_number) {
-  constexpr int N = TypeParam::value;
+  using P = TypeParam;
   std::mt19937_64 random(6);
   for (int k = 0; k < 1000; ++k) {
-    const Pack<N> a = random_pack<N>(random) * Pack<N>(1000.0);
+    const P a = random_pack<P>(random) * P(1000.0);
     expect_lanes(sincos(a).sin, a, a, [](double x, double) { return sincos(x).sin; });
     expect_lanes(sincos(a).cos, a, a, [](double x, double) { return sincos(x).cos; });
     expect_lanes(vexp(-vabs(a)), a, a, [](double x, double) { return vexp(-std::fabs(x)); });
+    expect_lanes(pow2(vround(a * P(0.1))), a, a, [](double x, double) { return pow2(vround(x * 0.1)); });
     expect_lanes(vround(a), a, a, [](double x, double) { return vround(x); });
     expect_lanes(sign(a), a, a, [](double x, double) { return sign(x); });
-    expect_lanes(flush_subnormal(a * Pack<N>(1e-220)), a, a,
+    expect_lanes(flush_subnormal(a * P(1e-220)), a, a,
                  [](double x, double) { return flush_subnormal(x * 1e-220); });
   }
 }
 
 TYPED_TEST(PackOf, masks_is_any_lane) {
-  constexpr int N = TypeParam::value;
-  Pack<N> a(0.0);
-  EXPECT_FALSE(any(a > Pack<N>(0.0)));
-  for (int k = 0; k < N; ++k) {
+  using P = TypeParam;
+  P a(0.0);
+  EXPECT_FALSE(any(a > P(0.0)));
+  for (int k = 0; k < kLanes<P>; ++k) {
     set_lane(a, k, 1.0);
-    EXPECT_TRUE(any(a > Pack<N>(0.0)));
-    for (int other = 0; other < N; ++other) EXPECT_EQ(lane(a > Pack<N>(0.0), other), other == k);
+    EXPECT_TRUE(any(a > P(0.0)));
+    for (int other = 0; other < kLanes<P>; ++other) EXPECT_EQ(lane(a > P(0.0), other), other == k);
     set_lane(a, k, 0.0);
   }
-  EXPECT_FALSE(any(negate(a >= Pack<N>(0.0))));
-  EXPECT_TRUE(any(a == Pack<N>(0.0)));
+  MaskOf<P> m = mask<P>(false);
+  for (int k = 0; k < kLanes<P>; ++k) {
+    set_lane(m, k, true);
+    for (int other = 0; other < kLanes<P>; ++other) EXPECT_EQ(lane(m, other), other == k);
+    EXPECT_TRUE(any(m));
+    set_lane(m, k, false);
+    EXPECT_FALSE(any(m));
+  }
+  EXPECT_FALSE(any(negate(a >= P(0.0))));
+  EXPECT_TRUE(any(a == P(0.0)));
+}
+
+// A choice is no arithmetic, a root counts as a division, a power of two as an addition.
+TEST(Counted, tells_what_was_done_with_its_numbers) {
+  operations = {};
+  Counted a = 3.0;
+  set_lane(a, 0, 4.0);
+  const Counted b = -a + Counted(2.0), c = select(a < b, a, vabs(b)) * vsqrt(a) / pow2(Counted(2.0));
+  EXPECT_EQ(lane(b, 0), -2.0);
+  EXPECT_EQ(lane(c, 0), 1.0);
+  EXPECT_EQ(lane(select(a > b, a, b), 0), 4.0);
+  EXPECT_EQ(operations.add, 2);
+  EXPECT_EQ(operations.multiply, 1);
+  EXPECT_EQ(operations.divide, 2);
+  EXPECT_EQ(operations.choose, 4);
+  EXPECT_EQ(operations.arithmetic(), 5);
 }
 
 }  // namespace

@@ -152,6 +152,170 @@ TEST(LostMotion, learns_nothing_from_an_encoder_that_shows_none) {
   EXPECT_NEAR(t.backlash_change_rad / kMm, 0.2, 0.01);
 }
 
+// Half a swing lasts 1.2 scans; a bank of 3.5 rad, of which 0.5 are in the calibration.
+Params round_numbers() {
+  Params p;
+  p.moment_observer = p.backlash_observer = p.reversal = true;
+  p.swing_rad_s = 5.0;
+  p.period_s = kPi / 6.0;
+  p.friction_nm = 10.0;
+  p.friction_load_nm = 2.0;
+  p.observer_speed_rad_s = 0.1;
+  p.observer_rate = 0.5;
+  p.backlash_memory = 0.5;
+  p.backlash_step_rad = p.backlash_held_rad = 0.5;
+  p.pos_limit_rad = p.encoder_limit_rad = 10.0;
+  return p;
+}
+
+// 8 N m sin 30 deg and 2 N m of friction load the flank by 6 N m, the load lies 0.01 rad further back than
+// the maps and half of 0.06 rad say. Half of what was there before is left.
+TEST(LostMotion, adds_the_products_of_its_columns) {
+  const Params p = round_numbers();
+  for (double z : {1.0, -1.0}) {
+    State s;
+    s.direction = z;
+    s.backlash_change_rad = 0.06;
+    s.seen_friction = 0.5;  // N m more, of which the half is taken in a scan
+    s.lead_sums.fill(8.0);
+    observe_lost_motion(p, {8.0, 0.0}, {0.0, 2.0}, {z * kPi / 6.0, z * 0.2, 0.0}, z * 0.02, s);
+    const double row[] = {1.0, z * 0.5, 0.8660254037844386, z, z, z * 0.01};
+    std::size_t next = 0;
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) EXPECT_NEAR(s.lead_sums[next++], 4.0 + row[i] * row[j], 1e-15) << i << j;
+    EXPECT_NEAR(s.friction_change_nm, 0.25, 1e-15);
+  }
+}
+
+// What says nothing of the flank says something of friction, if it is steady motion and a reading.
+TEST(LostMotion, adds_nothing_where_the_flank_or_the_lead_is_not_known) {
+  const Params p = round_numbers();
+  struct Case {
+    SetPoint<double> r;
+    double direction, apart, moment_change;
+    bool heard;
+  };
+  for (const Case& c : {Case{{0.0, 0.1, 0.0}, 1.0, 0.02, 0.0, false},    // no faster than the limit
+                        Case{{0.0, -0.1, 0.0}, -1.0, 0.02, 0.0, false},  //
+                        Case{{0.0, 0.2, 0.0}, -1.0, 0.02, 0.0, false},   // turning round
+                        Case{{0.0, 0.2, 0.0}, 0.5, 0.02, 0.0, false},    //
+                        Case{{0.0, 0.2, 0.0}, 1.0, 1.0, 0.0, false},     // no load of this motor
+                        Case{{0.0, 0.2, 0.0}, 1.0, -1.5, 0.0, false},    //
+                        Case{{0.0, 0.2, 0.0}, 1.0, kNaN, 0.0, false},    //
+                        Case{{0.0, 0.2, 0.01}, 1.0, 0.02, 0.0, true},    // accelerated
+                        Case{{1.5707963267948966, 0.2, 0.0}, 1.0, 0.02, 0.0, true},  // 2 of 5 N m
+                        Case{{0.0, 0.2, 0.0}, 1.0, 0.02, 3.0, true}}) {  // another moment was seen
+    State s;
+    s.direction = c.direction;
+    s.moment_sine_nm = c.moment_change;
+    s.seen_friction = 0.5;
+    s.lead_sums.fill(8.0);
+    observe_lost_motion(p, {0.0, 8.0}, {0.0, 2.0}, c.r, c.apart, s);
+    for (double each : s.lead_sums) EXPECT_EQ(each, 8.0);
+    EXPECT_NEAR(s.friction_change_nm, c.heard ? 0.25 : 0.0, 1e-15);
+  }
+  State s;
+  s.direction = 1.0;
+  observe_lost_motion(p, {0.0, 3.0}, {0.0, 2.0}, {0.0, 0.2, 0.0}, 0.02, s);  // 5 N m, half of all friction
+  for (double each : s.lead_sums) EXPECT_EQ(each, 0.0);
+}
+
+// Sums whose equations, the ridge of 1e-4 on their diagonal, have the pivots 16, 2, 2, 2, 4 and the solution
+// (1, -1, 2, -2, 0.5) x size; `left` is what it leaves of the square of the lead.
+void fill_sums(State& s, double size, double left) {
+  const double sums[] = {16, 16, 16, 16, 16, 8, 18, 18, 18, 18, 7, 20, 20, 20, 8, 22, 22, 5, 26, 7, 0};
+  for (std::size_t n = 0; n < kLeadSums; ++n) s.lead_sums[n] = sums[n];
+  for (std::size_t diagonal : {0u, 6u, 11u, 15u, 18u}) s.lead_sums[diagonal] -= 1e-4;
+  for (std::size_t lead : {5u, 10u, 14u, 17u, 19u}) s.lead_sums[lead] *= size;
+  s.lead_sums[20] = 10.5 * size * size + left;
+}
+
+TEST(LostMotion, solves_its_five_equations) {
+  const Params p = round_numbers();
+  State s;
+  for (double size : {1.0, -3.0}) {
+    fill_sums(s, size, 6.4);
+    EXPECT_NEAR(lost_motion_seen(p, s).change_rad, size * 1.0, 1e-12);
+    EXPECT_NEAR(lost_motion_seen(p, s).deviation_rad, 2.0 * std::sqrt(6.4 / 15.9999 * 1.2 / 4.0), 1e-12);
+  }
+  fill_sums(s, 1.0, -0.5);  // rounding must not leave less than nothing
+  EXPECT_EQ(lost_motion_seen(p, s).deviation_rad, 0.0);
+  s.lead_sums[0] = 10.0 * alike_scans(p);  // two samples for each unknown are not enough
+  EXPECT_EQ(lost_motion_seen(p, s).deviation_rad, 1.0);
+}
+
+struct Taken {
+  double backlash, bias, twist;
+};
+
+// The end of a move with 0.1 rad in use, a bias of 0.5 rad and a resting twist of 1 rad. What is seen has a
+// standard deviation of 0.1 rad; the load lies on one flank, so half of the backlash is led.
+Taken at_the_end(const Params& p, double seen, double side = 1.0, double bias = 0.5) {
+  State s;
+  s.direction = 1.0;
+  s.moved = 1.0;
+  s.backlash_change_rad = 0.1;
+  s.bias_rad = bias;
+  s.twist_slow_rad = 1.0;
+  fill_sums(s, seen, 0.0025 * 4.0 * 15.9999 / 1.2);
+  use_lost_motion(p, {side * 10.0, 0.0}, {0.2, 2.0}, {kPi / 2.0, 0.0, 0.0}, s);
+  EXPECT_EQ(s.moved, 0.0);
+  return {s.backlash_change_rad, s.bias_rad, s.twist_slow_rad};
+}
+
+void expect_taken(const Taken& t, double backlash, double bias, double twist) {
+  EXPECT_NEAR(t.backlash, backlash, 1e-12);
+  EXPECT_NEAR(t.bias, bias, 1e-12);
+  EXPECT_NEAR(t.twist, twist, 1e-12);
+}
+
+// It stays behind by 0.3 rad; -0.5 and 3 rad are the ends of the bank.
+TEST(LostMotion, takes_what_is_sure_and_gives_the_lead_back) {
+  Params p = round_numbers();
+  expect_taken(at_the_end(p, 1.0), 0.7, 0.5 - 0.3, 1.0 - 0.3);
+  expect_taken(at_the_end(p, 1.0, -1.0), 0.7, 0.5 + 0.3, 1.0 + 0.3);
+  expect_taken(at_the_end(p, -0.4), -0.1, 0.5 + 0.1, 1.0 + 0.1);
+  expect_taken(at_the_end(p, 0.3), 0.1, 0.5, 1.0);
+  expect_taken(at_the_end(p, -0.1), 0.1, 0.5, 1.0);
+  expect_taken(at_the_end(p, 10.0), 2.7, 0.5 - 1.3, 1.0 - 1.3);
+  expect_taken(at_the_end(p, -10.0), -0.2, 0.5 + 0.15, 1.0 + 0.15);
+}
+
+// A bias beyond its limit would move the motor: then nothing is taken. At the limit itself it is.
+TEST(LostMotion, takes_nothing_that_the_load_side_loop_cannot_give_back) {
+  Params p = round_numbers();
+  const double just = at_the_end(p, 1.0).bias;
+  p.encoder_limit_rad = just;
+  expect_taken(at_the_end(p, 1.0), 0.7, 0.2, 0.7);
+  p.encoder_limit_rad = 0.19;
+  expect_taken(at_the_end(p, 1.0), 0.1, 0.5, 1.0);
+  p.encoder_limit_rad = 0.7;
+  expect_taken(at_the_end(p, 1.0, 1.0, -0.5), 0.1, -0.5, 1.0);
+  EXPECT_EQ(at_the_end(p, 1.0, 1.0, kNaN).backlash, 0.1);
+}
+
+TEST(LostMotion, is_used_once_at_the_end_of_a_move) {
+  const Params p = round_numbers();
+  State s;
+  fill_sums(s, 1.0, 0.0);
+  const auto scan = [&](double vel, double acc) {
+    use_lost_motion(p, {10.0, 0.0}, {0.2, 2.0}, {kPi / 2.0, vel, acc}, s);
+  };
+  scan(0.0, 0.0);  // it has not moved
+  EXPECT_EQ(s.backlash_change_rad, 0.0);
+  EXPECT_EQ(s.moved, 0.0);
+  for (const auto& [vel, acc] : {std::pair{0.1, 0.0}, {0.0, 0.1}, {-0.1, 0.0}}) {
+    scan(vel, acc);
+    EXPECT_EQ(s.moved, 1.0);
+    EXPECT_EQ(s.backlash_change_rad, 0.0);
+  }
+  scan(0.0, 0.0);
+  EXPECT_NEAR(s.backlash_change_rad, 1.0, 1e-6);  // of what is left 1e-15 is rounding
+  s.backlash_change_rad = 0.25;
+  scan(0.0, 0.0);
+  EXPECT_EQ(s.backlash_change_rad, 0.25);
+}
+
 // A base of 1e9 N m/rad leans by 20 urad under 20 kN m more: the ring goes with it, the load does not.
 TEST(LostMotion, takes_the_lean_of_the_base_off_that_the_moment_has_brought) {
   Params p = followed();

@@ -43,21 +43,36 @@ TEST(Standstill, begins_anew) {
   sim.brake.countdown = 5.0;
   sim.scans_done = 7.0;
   sim.set_encoder_gain(0.0);
-  sim.x.roller_z = sim.s.vel_filtered = sim.report.vel = 1.0;
+  sim.x.roller_z = sim.s.vel_filtered = sim.s.overload = sim.report.vel = 1.0;
   sim.static_start(kQuarter, false);
   EXPECT_EQ(sim.x.roller_z, 0.0);
   EXPECT_EQ(sim.s.vel_filtered, 0.0);
+  EXPECT_EQ(sim.overload(), 0.0);
   EXPECT_EQ(sim.vel_report(), 0.0);
   EXPECT_EQ(sim.brake.countdown, 0.0);
   EXPECT_EQ(sim.scans_done, 0.0);
   EXPECT_FALSE(sim.encoder.spoilt);
+  EXPECT_EQ(sim.encoder.pos_start, 0.0);
+  EXPECT_EQ(sim.encoder.seen_start, 0.0);
+}
+
+TEST(Standstill, nothing_has_happened_before_it) {
+  const GantrySim<double> sim(loaded(), drive(), 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
+  EXPECT_EQ(sim.torque_mesh(), 0.0);
+  EXPECT_EQ(sim.vel_report(), 0.0);
+  EXPECT_FALSE(sim.limited());
+  EXPECT_EQ(sim.scans_done, 0.0);
+  EXPECT_EQ(sim.count_offset, 0.0);
+  EXPECT_FALSE(sim.encoder.spoilt);
+  EXPECT_TRUE(sim.brake.closed);
 }
 
 // 150 N m at the load are 15 N m of the motor against them.
 TEST(Standstill, drive_or_brake_holds_what_drives_the_load) {
   PlantParams<double> p = loaded();
-  p.rigid = true;
+  p.rigid = p.base = true;  // and no base that could give way
   const GantrySim<double> on = standing(p, kQuarter, true);
+  EXPECT_EQ(on.x.pos_base, 0.0);
   EXPECT_NEAR(on.report.torque_mesh, -150.0, 1e-9);
   EXPECT_NEAR(on.x.torque_motor, -15.0, 1e-9);
   EXPECT_NEAR(on.s.torque_set, -15.0, 1e-9);
@@ -196,6 +211,7 @@ TEST(Simulator, says_of_each_scan_whether_the_torque_was_limited) {
   EXPECT_TRUE(sim.limited());
   sim.scan({DriveMode::kOff, 0.0, 0.0}, true);
   EXPECT_FALSE(sim.limited());
+  EXPECT_TRUE(sim.samples.empty());  // nobody has asked for any
 }
 
 // Load and base at 0.5 and 0.1 rad, turning with 3 and 1 rad/s, read 10 ms ago; the noise of reading 1 is

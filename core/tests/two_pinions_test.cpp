@@ -39,6 +39,7 @@ TEST(TwoMotors, share_the_torque_of_the_loop_and_pull_against_each_other) {
         {-80.0, 30.0, -10.0, -70.0, false},
         {80.0, -30.0, 10.0, 70.0, false},
         // The first has its limit, the second goes on to its own; then there is no more.
+        {240.0, 30.0, 150.0, 90.0, false},
         {250.0, 30.0, 150.0, 95.0, true},
         {360.0, 30.0, 150.0, 150.0, true},
         {999.0, 30.0, 150.0, 150.0, true},
@@ -166,6 +167,25 @@ TEST(TwoPinions, stand_in_balance_with_preload) {
   }
 }
 
+// 20 N m each way, 22.88 kN m at the gantry, on the first and against it on the second: shown is the first.
+TEST(TwoPinions, show_the_first_where_both_carry_the_same) {
+  PlantParams<double> p = smooth(true);
+  p.eccentric_moment_nm = 0.0;
+  Sim sim = example::sim(p, servo(20.0));
+  sim.static_start(0.0, true);
+  EXPECT_NEAR(sim.torque_mesh(), 22880.0, 1e-6);
+  p.second_angle_rad = 0.0;
+  const Plant<double> plant(p);
+  PlantState<double> x;
+  x.pos_motor = 0.1;
+  x.pos_motor_2 = -0.1;
+  Anchor<double> anchor(p, plant.gear, plant.second_gear, x, 0.0);
+  const Forces<double> f = forces<true>(plant, x, anchor, false);
+  EXPECT_EQ(f.torque_mesh, f.first.torque_mesh);
+  EXPECT_EQ(f.second.torque_mesh, -f.first.torque_mesh);
+  EXPECT_GT(f.torque_mesh, 0.0);
+}
+
 // How far the load can be turned while both motors are held: spring alone where a preload closes the gaps,
 // spring and gap where it does not. M turns the load by M / 2K without a gap, by b and M / 2K with it.
 double slack(double preload, double moment) {
@@ -199,6 +219,8 @@ TEST(TwoPinions, hold_on_one_when_the_other_is_lost) {
     Sim sim = example::sim(p, servo(20.0));
     sim.static_start(1.5707963267948966, true);
     const double start = sim.x.pos_load;
+    EXPECT_NEAR(lost == 1 ? sim.x.torque_motor_2 : sim.x.torque_motor, 15990.3 / 1144.0, 1e-9);
+    EXPECT_EQ(lost == 1 ? sim.x.torque_motor : sim.x.torque_motor_2, 0.0);
     run(sim, 0.0, 2000);
     EXPECT_NEAR(lost == 1 ? sim.x.torque_motor_2 : sim.x.torque_motor, 15990.3 / 1144.0, 1e-3);
     EXPECT_EQ(lost == 1 ? sim.x.torque_motor : sim.x.torque_motor_2, 0.0);
@@ -206,6 +228,29 @@ TEST(TwoPinions, hold_on_one_when_the_other_is_lost) {
     EXPECT_NEAR(sim.x.pos_load, start,
                 1.2e-5);  // a lost first motor shows nothing of the load within its gap
   }
+}
+
+// Cogging of 2 N m turns both motors on. Those with torque hold it; the others do by their friction, of 5.5 N
+// m in 5 mrad, or by the brake, of 400 N m in 0.5 mrad, which the first motor has.
+TEST(TwoPinions, a_motor_without_torque_is_held_by_friction_or_brake) {
+  for (const bool servo_on : {true, false})
+    for (const int lost : {0, 1, 2}) {
+      PlantParams<double> p = smooth(true);
+      p.motor_friction = p.cogging = true;
+      p.cogging_torque_nm = 2.0;
+      p.cogging_phase_rad = 1.5707963267948966;
+      p.eccentric_moment_nm = 0.0;
+      p.half_backlash_rad = 0.0;
+      p.lost_motor = lost;
+      Sim sim = example::sim(p, servo(0.0));
+      sim.static_start(0.0, servo_on);
+      const double first = servo_on && lost != 1 ? -2.0 : 0.0, second = servo_on && lost != 2 ? -2.0 : 0.0;
+      EXPECT_NEAR(sim.x.torque_motor, first, 1e-9);
+      EXPECT_NEAR(sim.x.torque_motor_2, second, 1e-9);
+      EXPECT_NEAR(sim.x.motor_z, servo_on && lost == 1 ? 2.0 / 1100.0 : 0.0, 1e-12);
+      EXPECT_NEAR(sim.x.motor_z_2, second == 0.0 ? 2.0 / 1100.0 : 0.0, 1e-12);
+      EXPECT_NEAR(sim.x.brake_z, servo_on ? 0.0 : 2.0 / 8e5, 1e-12);
+    }
 }
 
 // 385 N m x 1144 = 440.44 kN m is what one motor holds, with or without preload.
