@@ -9,9 +9,7 @@ from dataclasses import replace
 from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.command_checks import (
-    check_target,
-)
+from gantryctl.program.axis.command_checks import check_range, check_target
 from gantryctl.program.axis.reference import Reference
 from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.monitors import Monitors
@@ -415,9 +413,14 @@ def torque_is_guarded(parts: Parts, x: float) -> bool:
     return axis.end().torque_ff_nm == 0.0
 
 
+def is_absurd(parts: Parts, x: float) -> bool:
+    return check_range(x, parts.settings.travel) is not None
+
+
 READINGS: dict[str, tuple[Acts, float]] = {
     "speed reading": (is_a_wrong_speed, rad(21.0)),
     "target": (is_a_wrong_target, rad(180.0)),
+    "way": (is_absurd, rad(1e6)),
     "reference": (is_a_wrong_reference, rad(180.0)),
     "speed at a reference": (turns_too_fast_for_a_reference, rad(0.1)),
     "speed command": (is_guarded, rad(6.3) * RATIO),

@@ -1,12 +1,14 @@
 """What an axis tells of itself: at its start, in motion, and where it does not know."""
 
+import math
+
 import pytest
 
 from gantryctl.image import DigitalInputs
 from gantryctl.program import AxisState, Code, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import rad
-from unit.program.rig import RATIO, Rig, moving_rig
+from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
 
 
 def test_a_new_axis_stands_at_no_time_and_commands_nothing():
@@ -41,6 +43,9 @@ def test_an_angle_that_is_not_known_is_not_told():
 @pytest.mark.parametrize("phase", [PowerPhase.CLOSING, PowerPhase.QUICK_STOPPING])
 def test_a_shaft_is_tried_by_speed_commands_only_where_the_axis_follows_at_rest(phase):
     """What is left of a try does not go into a motion or a stop."""
+    rig = powered()
+    rig.axis.liveness.vel_rad_s = 1.0
+    assert rig.axis.end().vel_cmd_rad_s == pytest.approx(1.0, abs=1e-3)
     rig = moving_rig()
     planned = rig.output.vel_cmd_rad_s
     rig.axis.liveness.vel_rad_s = 1.0
@@ -52,3 +57,43 @@ def test_a_shaft_is_tried_by_speed_commands_only_where_the_axis_follows_at_rest(
     rig.axis.liveness.vel_rad_s = 1.0
     rig.step()
     assert rig.output.vel_cmd_rad_s == 0.0
+
+
+class Asked:
+    """A watch of the reading that keeps how it was asked."""
+
+    against, vel_rad_s = -math.inf, 0.0
+
+    def __init__(self):
+        self.asked = None
+
+    def stand(self, *, proven):
+        self.asked = "proven" if proven else "unproven"
+
+    def stop(self):
+        self.asked = "stop"
+
+
+@pytest.mark.parametrize("preload", [True, False])
+@pytest.mark.parametrize("stop", [{"power": False}, {"quick_stop": True}])
+def test_the_reading_is_tried_wherever_the_drive_holds_the_axis_at_rest_or_stops_it(preload, stop):
+    """By speed commands where they count, without a proof sooner; by torque alone where the brake is still open."""
+    rig = Rig(config=settings(torque_preload=preload))
+    watch = rig.axis.liveness = Asked()
+    proof = "proven" if preload else "unproven"
+    wanted = {PowerPhase.ON: "proven", PowerPhase.SAG_WATCH: proof}
+    phases = set()
+    for level in ({"power": True}, stop):
+        rig.op(**level)
+        for _ in range(1000):
+            watch.asked, before = None, rig.axis.power.phase
+            rig.step()
+            phase = rig.axis.power.phase
+            phases.add(phase)
+            if phase is not before:
+                continue
+            by_torque = (
+                phase in (PowerPhase.CLOSING, PowerPhase.QUICK_STOPPING) and rig.image.drive.brake_open
+            )
+            assert watch.asked == ("stop" if by_torque else wanted.get(phase)), phase
+    assert {PowerPhase.SAG_WATCH, PowerPhase.ON, PowerPhase.CLOSING, PowerPhase.DISABLING} < phases

@@ -353,3 +353,13 @@ def test_whatever_happens_the_brake_is_never_released_and_it_ends_without_torque
         assert slips_at_nm >= 0.95 * LEVEL_NM
     if sound and not events:
         assert rig.result.outcome is PASSED
+
+
+def test_the_block_shows_a_test_that_was_stopped_as_aborted_and_as_nothing_else():
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.PLUS_RISING)
+    block = rig.program.brake_test
+    rig.op(stop=True)
+    rig.until(lambda: not block.busy, LONGEST_S)
+    assert (block.done, block.command_aborted, block.error) == (False, True, False)

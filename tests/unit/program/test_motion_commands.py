@@ -215,3 +215,31 @@ def test_a_motion_that_an_alarm_ends_lasts_until_the_axis_is_at_rest():
         assert rig.axis.state is AxisState.DISCRETE_MOTION or not rig.vel_deg_s
     rig.run(0.01)
     assert rig.axis.state is AxisState.STANDSTILL
+
+
+@pytest.mark.parametrize("left_deg", [3.0, 0.05])
+def test_a_stop_is_not_taken_back_by_the_override_however_near_the_end_it_comes(left_deg):
+    """0.05 deg before its end the motion's own ramp is the nearer one, and it is a stop from then on."""
+    rig = Rig()
+    rig.power_up()
+    rig.move(10.0)
+    rig.until(lambda: rig.ref_deg > 10.0 - left_deg, 5.0)
+    rig.op(stop=True)
+    ends_at = rig.axis.virtual.plan.pos_end
+    rig.op(override=0.0)
+    rig.run(2.0)
+    assert rig.axis.virtual.pos_ref_rad == approx(ends_at)
+    assert not rig.axis.paused
+    assert rig.program.stop.done
+    rig.op(override=1.0)
+    rig.run(0.5)
+    assert rig.axis.virtual.pos_ref_rad == approx(ends_at)
+
+
+def test_a_new_speed_is_that_of_the_command_from_then_on():
+    rig = moving_rig()
+    command = rig.axis.motion.current
+    assert rig.axis.motion.change_speed(command, rad(3.0)) is None
+    assert command.speed_rad_s == rad(3.0)
+    assert rig.axis.motion.change_speed(command, rad(7.0)) is not None
+    assert command.speed_rad_s == rad(3.0)

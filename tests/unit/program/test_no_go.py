@@ -135,3 +135,25 @@ def test_a_sector_trips_a_margin_before_it_and_the_end_of_travel_where_it_is(way
         parts.virtual.at_rest = False
         monitors.scan(rad(way * (edge + off)), 0.0, 0.0)
         assert parts.codes == ((["LIM-06"] if there else ["LIM-02"]) if trips else [])
+
+
+@BOTH
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_sectors_on_one_side_the_nearer_one_bounds(way: float, order: int) -> None:
+    edges = [(rad(60.0), rad(70.0)), (rad(90.0), rad(100.0))]
+    sectors = tuple(edges if way > 0.0 else [(-end, -begin) for begin, end in edges])[::order]
+    travel = TravelSettings(rad(-180.0), rad(180.0), rad(-180.5), rad(180.5), no_go_rad=sectors)
+    low, high = reach(travel, 0.0)
+    assert (high if way > 0.0 else low) == pytest.approx(way * 60.0)
+    assert (low if way > 0.0 else high) == pytest.approx(-way * 180.0)
+    assert reach(travel, way * 80.0) == pytest.approx(sorted((way * 70.0, way * 90.0)))
+
+
+def test_no_way_round_leads_into_a_sector() -> None:
+    """From 300 deg to 355, which lies in the sector from 350 to 370: from the other side it is as shut."""
+    refused = check_target(rad(300.0), rad(355.0), ENDLESS)
+    assert refused is not None
+    assert refused.text.endswith("there is no way round")
+    round_ = check_target(rad(300.0), rad(380.0), ENDLESS)
+    assert round_ is not None
+    assert not round_.text.endswith("there is no way round")

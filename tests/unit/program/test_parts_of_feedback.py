@@ -447,3 +447,12 @@ def test_a_count_that_stands_after_a_part_of_a_step_froze_within_it(period_s, wa
     seconds = encoder.after(encoder.scan, most_s=0.2)
     assert (seconds == approx(in_scans(0.030, period_s))) is told
     assert encoder.codes == (["ENC-02"] if told else [])
+
+
+@BOTH
+def test_samples_that_come_later_and_later_are_no_drift(way):
+    """Half a scan of 4 ms later each time, 0.012 deg at 6 deg/s: five are more than the 0.045 deg permitted."""
+    encoder = Encoder(0.004, way * 6.0)
+    for _ in range(6):
+        encoder.scan(step_deg=way * 0.012, spread_scans=0.5)
+    assert encoder.codes == []

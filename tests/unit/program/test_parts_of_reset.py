@@ -192,6 +192,21 @@ def test_nothing_was_switched_on_only_where_neither_torque_nor_brake_was(before,
     assert (stop.steps == [W.NOTHING_ON]) is nothing
 
 
+@pytest.mark.parametrize(
+    ("reaction", "before", "told"),
+    [
+        (Reaction.TORQUE_OFF, {"state": ON, "brake_open": False}, W.TORQUE_UNCONFIRMED),
+        (Reaction.TORQUE_OFF, {"state": OFF, "brake_open": True}, W.BRAKE_COMMANDED),
+        (Reaction.HOLD, {"state": OFF, "brake_open": False}, W.TORQUE_KEPT),
+    ],
+)
+def test_one_thing_that_was_not_shown_is_told_of_an_axis_that_stood(reaction, before, told):
+    stop = Stop(reaction, before=before, phase=PowerPhase.OFF, brake_open=False)
+    stop.scan(0, deg_s=0.0)
+    stop.scan(1, over=True)
+    assert stop.steps[0] is told
+
+
 def test_nothing_was_switched_on_is_not_told_of_an_axis_that_has_turned():
     stop = Stop(before={"state": OFF, "brake_open": False}, phase=PowerPhase.OFF, brake_open=False)
     # Of an angle in doubt rest is not told either.
@@ -368,21 +383,3 @@ def test_each_reset_has_its_own_role_and_its_own_second():
         assert reset.request(service) is None
         assert reset.service is service
         assert parts.after(reset.finished, lambda: not reset.resetting, 2.0) == approx(1.001)
-
-
-@PERIODS
-@pytest.mark.parametrize(
-    ("reaction", "said", "limit_s"),
-    [
-        (Reaction.QUICK_STOP, {"state": OFF}, 4.0),
-        (Reaction.TORQUE_OFF, {"state": ON}, 0.5),
-        (Reaction.TORQUE_OFF, {"state": OFF}, 2.0),
-    ],
-)
-def test_a_stop_that_takes_longer_than_a_sound_one_is_told_before_its_end(period_s, reaction, said, limit_s):
-    stop = Stop(reaction, period_s)
-    last = math.floor(limit_s / period_s + 1e-9)
-    stop.scan(1, **said)
-    before = stop.scan(last)
-    assert W.STOP_UNCONFIRMED not in before
-    assert stop.scan(last + 1) == (W.STOP_UNCONFIRMED,)
