@@ -40,7 +40,7 @@ def stretch_around(
     below: Sector | None = None
     above: Sector | None = None
     for begin, end in _near(pos_rad, no_go_rad, endless=endless):
-        is_above = begin >= pos_rad or (end > pos_rad and pos_rad - begin <= end - pos_rad)
+        is_above = pos_rad - begin <= end - pos_rad
         if is_above and begin - clearance_rad < high:
             high, above = begin - clearance_rad, (begin, end)
         elif not is_above and end + clearance_rad > low:

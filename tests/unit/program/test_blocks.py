@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from gantryctl.program import AxisProgram, AxisState
+from gantryctl.program import AxisProgram, AxisState, blocks
 from gantryctl.program.blocks import (
     Halt,
     Home,
@@ -324,3 +324,21 @@ def test_override_does_not_act_on_a_stop(rig):
     call(rig, override, override=0.1)
     rig.until(lambda: stop.done)
     assert rig.axis.virtual.pos_ref_rad == end
+
+
+BLOCKS = (
+    "BrakeTest Halt Home Inch Jog MoveAbsolute MoveAdditive MoveRelative MoveVelocity Power ReadActualPosition "
+    "ReadAxisError ReadAxisInfo ReadBoolParameter ReadMotionState ReadParameter ReadStatus Reset SetOverride "
+    "SetPosition Stop TouchProbe WriteParameter"
+)
+
+
+@pytest.mark.parametrize("name", BLOCKS.split())
+def test_a_block_that_was_never_called_shows_nothing(name):
+    block = getattr(blocks, name)(Rig().axis)
+    shown = {
+        each for kind in type(block).__mro__ for each in getattr(kind, "__slots__", ()) if each[0] != "_"
+    }
+    for each in shown - {"axis"}:
+        value = getattr(block, each)
+        assert not value or math.isnan(value), each

@@ -23,6 +23,7 @@ from gantryctl.program.blocks import (
 )
 from gantryctl.units import deg, rad
 from unit.program.block_bench import Bench, call, outputs, standing
+from unit.program.parts import Parts
 from unit.program.rig import COUNTS_PER_DEG, ZERO_COUNTS, Rig
 
 
@@ -309,3 +310,23 @@ def test_reset_block_has_nothing_to_do(rig):
     assert not reset.busy
     call(rig, reset, execute=False)
     assert not reset.done
+
+
+def test_a_reference_outside_the_travel_is_refused_with_its_range():
+    parts = Parts()
+    refused = Reference(parts.settings, parts.feedback, None).check(rad(200.0), standing=True)
+    assert refused is not None
+    assert refused.text == "position must be within -180.00 and 180.00 deg, got 200 deg"
+
+
+def test_jog_back_from_the_end_of_travel_is_not_at_the_limit_any_more():
+    rig = Rig(Bench, at_deg=178.0)
+    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 5.0)
+    block = Jog(rig.axis)
+    call(rig, block, forward=True, backward=False, velocity_rad_s=rad(6.0))
+    rig.run(3.0)
+    assert block.at_limit
+    call(rig, block, forward=False, backward=True, velocity_rad_s=rad(6.0))
+    assert not block.at_limit
+    rig.run(0.5)
+    assert not block.at_limit

@@ -9,7 +9,7 @@ import pytest
 
 from gantryctl.errors import UsageError
 from gantryctl.program import AxisState, Code, Reaction
-from gantryctl.program.axis.parameters import Parameter
+from gantryctl.program.axis.parameters import Parameter, read_bool_parameter, read_parameter
 from gantryctl.program.blocks import (
     AbortTrigger,
     Cam,
@@ -365,3 +365,26 @@ def test_a_reader_that_is_not_enabled_keeps_what_it_has_read():
         block(enable=False)
         assert not block.valid
     assert error.axis_error_id == "CTL-02"
+
+
+def test_parameters_have_the_numbers_of_plcopen() -> None:
+    """Part 1, table 5: a program writes the number, not the name."""
+    rig = moving_rig(speed_deg_s=3.0)
+    rig.axis.feedback.vel_rad_s = rad(2.5)
+    wanted = {
+        1: rig.ref_deg,
+        2: 180.0,
+        3: -180.0,
+        8: 6.0,
+        9: 6.0,
+        10: 2.5,
+        11: 3.0,
+        12: 4.0,
+        13: 4.0,
+        14: 4.0,
+        15: 4.0,
+    }
+    assert {number: deg(read_parameter(rig.axis, number)) for number in wanted} == pytest.approx(wanted)
+    assert deg(read_parameter(rig.axis, 7)) == pytest.approx(0.03 + 0.012 * 3.0)
+    assert [read_bool_parameter(rig.axis, number) for number in (4, 5, 6)] == [True, True, True]
+    assert read_parameter(rig.axis, 16) == read_parameter(rig.axis, 17) == math.inf

@@ -18,6 +18,7 @@ from gantryctl.program.monitors.calibration_watch import (
     NAMES,
     CalibrationWatch,
     Finding,
+    _Running,
 )
 from gantryctl.program.monitors.flank_swing import FlankSwing, gap_of
 from gantryctl.program.monitors.running_fit import RunningFit
@@ -360,3 +361,12 @@ def test_ten_gaps_beyond_the_bound_are_a_finding_and_nine_are_none() -> None:
         watch.scan(0.1, 0.05, 0.0, 0.0, 0.0)
         assert watch.rest() is (gaps == 10)
     assert watch.found["backlash"] == pytest.approx((5e-4, 1e-4))
+
+
+def test_the_mean_of_three_gaps_is_as_sure_as_three_values_make_it() -> None:
+    """1, 2 and 3: mean 2, and a standard deviation of the mean of 1 / sqrt(3)."""
+    running = _Running()
+    for value in (1.0, 2.0, 3.0):
+        running.add(value)
+    assert (running.count, running.mean) == (3, pytest.approx(2.0))
+    assert running.deviation == pytest.approx(3.0**-0.5)

@@ -140,3 +140,13 @@ def test_the_ramps_of_the_machine_are_ramps_of_a_motion():
     for wrong in (0.0, -1.0, math.nan):
         assert check_jerk(wrong, math.inf) is not None
         assert check_ramp(Words.NAME_ACCELERATION, wrong, 1.0) is not None
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("left_rad", "shut"), [(0.0, True), (1e-9, True), (1e-8, False), (-0.1, True)])
+def test_a_speed_towards_the_end_is_refused_where_less_than_a_count_is_left(
+    way: float, left_rad: float, shut: bool
+) -> None:
+    here = way * (rad(180.0) - left_rad)
+    assert (check_direction(here, way * 0.1, TRAVEL) is not None) is shut
+    assert check_direction(here, -way * 0.1, TRAVEL) is None

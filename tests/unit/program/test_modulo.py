@@ -330,3 +330,13 @@ def test_the_angle_of_the_scan_in_which_the_zero_moves_on_is_that_of_the_new_zer
         turning.step()
         assert turning.pos_deg == pytest.approx(turning.ref_deg, abs=100.0), "what the fast axis lags by"
     assert turning.pos_deg == pytest.approx(-way * 60.0, abs=0.1)
+
+
+def test_the_turns_go_on_from_a_position_that_was_set():
+    turning = Rig(config=modulo())
+    turning.power_up()
+    assert turning.axis.set_position(rad(90.0)) is None
+    turning.axis.motion.move_relative(rad(300.0), rad(FAST_DEG_S))
+    turning.run(2.0)
+    assert turning.axis.at_rest
+    assert turning.pos_deg == pytest.approx(30.0, abs=ARRIVED_DEG)

@@ -129,6 +129,10 @@ def test_a_motion_that_cannot_stop_before_the_end_of_travel_is_refused(way):
         deceleration_rad_s2=rad(0.5),
     )  # fmt: skip
     assert gentle.error_id == "CTL-17"
+    # Half of 36 / 0.5 beyond where it is.
+    assert rig.axis.refusal.values["reason"].values["angle"] == approx(
+        way * (36.0 + abs(rig.ref_deg)), abs=1.0
+    )
     rig.until(lambda: move.done, 5.0)
     assert rig.pos_deg == approx(way * 179.0, abs=1e-3)
 
@@ -243,3 +247,21 @@ def test_a_new_speed_is_that_of_the_command_from_then_on():
     assert command.speed_rad_s == rad(3.0)
     assert rig.axis.motion.change_speed(command, rad(7.0)) is not None
     assert command.speed_rad_s == rad(3.0)
+
+
+@BOTH
+def test_a_relative_motion_counts_from_the_set_point_and_an_additive_one_from_the_target(way):
+    rig = moving_rig(at_deg=0.0 if way > 0.0 else 60.0)
+    motion, target_rad = rig.axis.motion, rig.axis.motion.current.target_rad
+    here = rig.axis.virtual.pos_ref_rad
+    assert motion.move_additive(way * rad(2.0), rad(6.0)).target_rad == approx(target_rad + way * rad(2.0))
+    assert motion.move_relative(way * rad(20.0), rad(6.0)).target_rad == approx(here + way * rad(20.0))
+
+
+def test_no_motion_is_taken_in_the_scan_of_an_alarm_that_stops_the_axis():
+    """Raised by the program's own logic: the axis acts on it in the next scan."""
+    rig = moving_rig()
+    rig.axis.alarms.raise_(Code.CTL_02, measured="a test")
+    command = rig.axis.motion.move_absolute(rad(5.0), rad(6.0))
+    assert command.status is CommandStatus.ERROR
+    assert rig.axis.motion.halt().status is CommandStatus.ERROR

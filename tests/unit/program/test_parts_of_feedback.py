@@ -456,3 +456,17 @@ def test_samples_that_come_later_and_later_are_no_drift(way):
     for _ in range(6):
         encoder.scan(step_deg=way * 0.012, spread_scans=0.5)
     assert encoder.codes == []
+
+
+@BOTH
+def test_the_way_of_telegrams_that_were_missed_is_no_jump_and_a_jump_later_on_is_one(way):
+    """Three scans of 4 ms at 6 deg/s without a position are 0.072 deg, and 0.028 are permitted in one scan."""
+    for later, jumps in ((0, False), (4, True)):
+        encoder = Encoder(0.004, way * 6.0)
+        stood = encoder.feedback.counts
+        for age in (1, 2, 3):
+            encoder.scan(counts=stood, age_scans=age)
+        for _ in range(later):
+            encoder.scan()
+        encoder.scan(step_deg=way * (0.072 if later else 0.0))
+        assert ("ENC-01" in encoder.codes) is jumps, later

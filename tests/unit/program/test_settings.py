@@ -1,7 +1,8 @@
-"""Times become scans."""
+"""Times become scans, and ramps of one motion those of the machine."""
 
 import pytest
 
+from gantryctl.program.settings import RampSettings
 from unit.program.rig import settings
 
 
@@ -26,3 +27,19 @@ def test_least():
     config = settings(period_s=0.010)
     assert config.scans(0.010, least=3) == 3
     assert config.scans(0.001, least=1) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ((1.0, None, None), (1.0, 8.0, 9.0)),
+        ((None, 1.0, None), (7.0, 1.0, 9.0)),
+        ((None, None, 1.0), (7.0, 8.0, 1.0)),
+        ((None, None, None), (7.0, 8.0, 9.0)),
+    ],
+)
+def test_ramps_of_one_motion_are_the_machines_but_for_what_is_given(given, kept):
+    ramps = RampSettings(7.0, 8.0, 9.0, 10.0, 11.0, 12.0)
+    below = ramps.below(*given)
+    assert (below.acc_rad_s2, below.dec_rad_s2, below.jerk_rad_s3) == kept
+    assert below.jog_release(6.0).dec_rad_s2 == 10.0

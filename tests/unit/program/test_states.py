@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from gantryctl.program import AxisProgram, AxisState
+from gantryctl.program import AxisProgram, AxisState, BrakeTestPhase, PowerPhase
 from gantryctl.program.axis.states import AxisEvents, next_state
 from unit.program.rig import Rig
 
@@ -59,3 +59,8 @@ def test_one_transition_a_scan() -> None:
     rig.run(2.0)
     seen = [state for state, _ in itertools.groupby(rig.program.seen)]
     assert seen == [S.DISABLED, S.STANDSTILL, S.DISCRETE_MOTION]
+
+
+@pytest.mark.parametrize(("kind", "count"), [(AxisState, 8), (PowerPhase, 15), (BrakeTestPhase, 8)])
+def test_recordings_and_pages_hold_the_number_of_a_state_and_it_stays_what_it_is(kind, count):
+    assert [state.value for state in kind] == list(range(count))
