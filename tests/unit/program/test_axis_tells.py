@@ -97,3 +97,12 @@ def test_the_reading_is_tried_wherever_the_drive_holds_the_axis_at_rest_or_stops
             )
             assert watch.asked == ("stop" if by_torque else wanted.get(phase)), phase
     assert {PowerPhase.SAG_WATCH, PowerPhase.ON, PowerPhase.CLOSING, PowerPhase.DISABLING} < phases
+
+
+def test_an_alarm_has_the_time_and_the_scan_in_which_it_was_raised():
+    rig = moving_rig()
+    rig.drive.inputs = DigitalInputs(mains_ready=False)
+    rig.step()
+    alarm = rig.axis.alarms.active[Code.PWR_01]
+    assert (alarm.scan, alarm.time_s) == (rig.scan - 1, pytest.approx((rig.scan - 1) * rig.period_s))
+    assert rig.axis.time_s == alarm.time_s

@@ -6,6 +6,7 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program import AxisState, Code, PowerPhase, Reaction
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.units import rad
 from unit.program.parts import Parts
@@ -269,3 +270,25 @@ def test_a_fault_of_the_drive_has_the_alarm_of_its_cause(error_code, code, state
     assert parts.codes == [code]
     interlocks.scan(0.0, powered=True)
     assert parts.codes == [code], "the same fault is told once"
+
+
+LIMITS = {
+    "plus": ([(False, True)], {"LIM-03": Words.PLUS}),
+    "minus": ([(True, False)], {"LIM-03": Words.MINUS}),
+    "both": ([(False, False)], {"LIM-04": None}),
+    "one after the other": ([(False, True), (False, False)], {"LIM-03": Words.PLUS, "LIM-04": None}),
+    "back and the other": ([(False, True), (True, True), (True, False)], {"LIM-03": Words.PLUS}),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_a_limit_switch_that_opens_is_told_with_its_side_and_both_are_a_wire(name):
+    opened, told = LIMITS[name]
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    for plus, minus in [(True, True), *opened]:
+        parts.feedback.inputs = DigitalInputs(limit_plus_ok=plus, limit_minus_ok=minus)
+        interlocks.scan(0.0, powered=True)
+        assert (interlocks.plus_open, interlocks.minus_open) == (plus, minus)
+    sides = {str(code): alarm.values.get("side") for code, alarm in parts.alarms.active.items()}
+    assert sides == told

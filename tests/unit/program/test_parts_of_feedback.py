@@ -470,3 +470,14 @@ def test_the_way_of_telegrams_that_were_missed_is_no_jump_and_a_jump_later_on_is
             encoder.scan()
         encoder.scan(step_deg=way * (0.072 if later else 0.0))
         assert ("ENC-01" in encoder.codes) is jumps, later
+
+
+@BOTH
+def test_a_speed_that_comes_after_telegrams_that_did_not_may_have_changed_for_longer(way):
+    """0.369 deg/s in a scan of 1 ms behind the brake; 1 deg/s after three scans without a speed are believed."""
+    for old, wrong in ((3, False), (0, True)):
+        encoder = Encoder(speed_deg_s=way * 3.0, monitors=ROTOR)
+        for age in range(1, old + 1):
+            encoder.scan(speed_age_scans=age)
+        encoder.scan(speed_deg_s=way * 4.0, brake_open=False)
+        assert ("ENC-14" in encoder.codes) is wrong

@@ -377,3 +377,38 @@ def test_power_is_not_asked_for_twice_while_it_goes_on_or_is_taken_back():
     assert refused.code is Code.PWR_04
     rig.run(4.0)
     assert rig.axis.is_off
+
+
+@pytest.mark.parametrize("key", ["forward", "reverse"])
+def test_an_increment_ends_where_the_enabling_switch_is_released_on_its_way(key):
+    rig = powered()
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(10.0))
+    rig.op(**{key: True})
+    rig.run(1.0)
+    assert abs(rig.vel_deg_s) > 3.0
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.run(2.0)
+    assert rig.vel_deg_s == 0.0
+    assert abs(rig.ref_deg) < 9.0
+    assert Code.INT_05 in {alarm.code for alarm in rig.axis.alarms.history}
+
+
+ORDERS = {
+    "move": {"move": True, "target_rad": rad(5.0)},
+    "way": {"move": True, "relative": True, "target_rad": rad(5.0)},
+    "key": {"mode": Mode.CONTINUOUS, "forward": True, "lease": 1},
+    "increment": {"mode": Mode.INCREMENTAL, "forward": True, "increment_rad": rad(1.0)},
+}
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_an_order_is_taken_in_the_scan_in_which_it_comes(name):
+    rig = powered()
+    order = dict(ORDERS[name])
+    if "mode" in order:
+        rig.op(mode=order.pop("mode"))
+    rig.op(speed_rad_s=rad(3.0), **order)
+    assert rig.axis.motion.current is not None
+    rig.run(0.2)
+    rig.op(halt=True)
+    assert rig.axis.virtual.stopping

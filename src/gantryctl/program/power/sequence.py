@@ -426,7 +426,7 @@ class PowerSequence:
     def _torque_off(self, _pos_rad: float) -> None:
         self.wear.scan()
         elapsed_s = self._count * self._period_s
-        if not (self._feedback.position_valid and self._feedback.speed_known):
+        if not self._feedback.position_valid:
             if elapsed_s > _BLIND_STOP_S:
                 self._enter(PowerPhase.OFF)
             return
