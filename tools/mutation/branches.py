@@ -42,7 +42,8 @@ def branches(
     Raises:
         SystemExit: nothing is recorded there.
     """
-    parts = sorted(path.name.removeprefix("coverage.") for path in folder.glob("coverage.*"))
+    # A part has its file of tests when it is whole: one that is being recorded does not count yet.
+    parts = sorted(path.stem.removeprefix("tests.") for path in folder.glob("tests.*.json"))
     if not parts:
         raise SystemExit(f"{folder} holds no recorded coverage: python -m mutation record first")
     with tempfile.TemporaryDirectory() as scratch:

@@ -94,16 +94,23 @@ class WarmTests:
 
     def _patch(self, change: Change, text: bytes) -> Callable[[], None]:
         path = str(self._tree.root / change.file)
-        found = self._functions.get((path, change.function), []) if change.function else []
-        if not found:
+        if not change.function or (path, change.function) not in self._functions:
             raise NotPatched(change.name)
-        codes = {code.co_firstlineno: code for code in _codes(compile(text, path, "exec"), change.function)}
-        if any(function.__code__.co_firstlineno not in codes for function in found):
-            raise NotPatched(change.name)
+        whole, new = compile(text, path, "exec"), list[tuple[FunctionType, CodeType]]()
+        # What a function has made while the module was imported, a closure in a table, has its own code.
+        inner = f"{change.function}.<locals>."
+        for (file, name), functions in self._functions.items():
+            if file == path and (name == change.function or name.startswith(inner)):
+                codes = {code.co_firstlineno: code for code in _codes(whole, name)}
+                for function in functions:
+                    code = codes.get(function.__code__.co_firstlineno)
+                    if code is None or len(code.co_freevars) != len(function.__code__.co_freevars):
+                        raise NotPatched(change.name)
+                    new.append((function, code))
 
         def patch() -> None:
-            for function in found:
-                function.__code__ = codes[function.__code__.co_firstlineno]
+            for function, code in new:
+                function.__code__ = code
 
         return patch
 
