@@ -171,6 +171,32 @@ def test_a_flood_in_one_scan_is_one_line() -> None:
     assert "heartbeat" in log.messages[0].text
 
 
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [
+        (0x8110, "lost telegrams"), (0x8120, "error passive"), (0x8130, "heartbeat"), (0x8140, "came back"),
+        (0x8150, "same identifier"), (0x8210, "too short"), (0x8220, "longer"), (0x8240, "SYNC"),
+        (0x8250, "missed its process data"), (0x2310, "overcurrent"), (0x2350, "overload of the drive or motor"),
+        (0x2351, "warning"), (0x3210, "overvoltage"), (0x3220, "undervoltage"), (0x4310, "too hot"),
+        (0x5530, "memory"), (0x6310, "lost"), (0x7305, "encoder"), (0x8611, "following error"), (0xFF00, "specific"),
+        # Any other one by its class (CiA 301).
+        (0x1FFF, "general error"), (0x2FFF, "current"), (0x3FFF, "voltage"), (0x4123, "temperature"),
+        (0x5FFF, "drive hardware"), (0x6FFF, "software or parameters"), (0x7FFF, "motor, brake, encoder"),
+        (0x8FFF, "monitoring"), (0x9FFF, "external"), (0xF123, "specific to the drive"), (0xA000, "unknown class"),
+        (0x0000, "no error any more"),
+    ],
+)  # fmt: skip
+def test_a_code_says_what_it_means(code: int, says: str) -> None:
+    assert emergency_text(code).startswith(f"EMCY {code:04X}: ")
+    assert says in emergency_text(code)
+    log = EmergencyLog()
+    # Two bytes carry the code; some drives send no more.
+    for data in (b"\1", code.to_bytes(2, "little"), code.to_bytes(2, "little") + bytes((7, 1, 2, 3, 4, 5))):
+        log.take(data, log.count)
+    assert (log.count, log.code) == (2, code)
+    assert [(each.register, each.vendor) for each in log.messages] == [(0, b""), (7, b"\1\2\3\4\5")]
+
+
 def test_unknown_codes_name_their_class() -> None:
     assert "temperature" in emergency_text(0x4123)
 

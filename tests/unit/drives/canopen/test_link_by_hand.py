@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import Any
 
 import can
 import pytest
 
+from gantryctl.drives.canopen.bus import link as link_module
 from gantryctl.drives.canopen.bus.interface import Counted, InterfaceCounters
 from gantryctl.drives.canopen.bus.link import BusLink, Frame, open_bus
 from gantryctl.drives.canopen.bus.node import NmtCommand
@@ -93,6 +95,43 @@ def test_three_failures_in_a_row_are_a_bus_that_is_down(takes: str, down: bool) 
         link.send(0x202, b"")
     assert (link.down, link.refused) == (down, takes.count("-"))
     link.close()
+
+
+@pytest.mark.parametrize(
+    ("fault", "full"),
+    [
+        (can.CanOperationError("full", error_code=errno.ENOBUFS), 1), (OSError(errno.ENOBUFS, "full"), 1),
+        (can.CanOperationError("gone", error_code=errno.ENODEV), 0), (OSError(errno.ENODEV, "gone"), 0),
+        (can.CanOperationError("no"), 0),
+    ],
+)  # fmt: skip
+def test_a_full_queue_is_told_from_a_bus_that_has_gone(fault: Exception, full: int) -> None:
+    bus = Scripted()
+
+    def send(msg: can.Message, timeout: float | None = None) -> None:
+        raise fault
+
+    bus.send = send  # type: ignore[method-assign]
+    link = BusLink(bus)
+    assert not link.send(0x202, b"")
+    assert (link.refused, link.queue_full) == (1, full)
+    link.close()
+
+
+def test_a_pause_is_a_sleep_or_the_time_of_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    passed: list[float] = []
+    monkeypatch.setattr(link_module.time, "sleep", slept.append)
+    for link in (
+        BusLink(Scripted()),
+        BusLink(Scripted(), stepped=True),
+        BusLink(Scripted(), advance=passed.append),
+    ):
+        link.pause(0.25)
+        link.pace(0.004)
+        link.close()
+    # Only a drive that nothing steps is waited for until the next scan.
+    assert (slept, passed) == ([0.25, 0.004, 0.25], [0.25])
 
 
 def test_only_a_sync_that_comes_back_was_sent() -> None:
@@ -187,13 +226,20 @@ def test_an_interface_that_there_is_not_is_named_with_those_that_there_are() -> 
 
 
 def test_a_filter_passes_every_identifier_that_was_ever_accepted() -> None:
-    bus, filters = Scripted(), list[list[int]]()
-    bus.set_filters = lambda rows: filters.append([row["can_id"] for row in rows])  # type: ignore[method-assign, assignment]
+    """All eleven bits of an identifier, of plain frames."""
+    bus, filters, kinds = Scripted(), list[list[int]](), set[tuple[int, bool]]()
+
+    def keep(rows: Any) -> None:
+        filters.append([row["can_id"] for row in rows])
+        kinds.update((row["can_mask"], row["extended"]) for row in rows)
+
+    bus.set_filters = keep  # type: ignore[method-assign, assignment]
     counters: Any = Interface(counts_own=True)
     link = BusLink(bus, counters=counters)
     link.accept((0x182, 0x080))
     link.accept((0x702,))
     assert filters == [[0x080, 0x182], [0x080, 0x182, 0x702]]
+    assert kinds == {(0x7FF, False)}
     # Where nobody counts the others every frame is received.
     BusLink(bus).accept((0x182,))
     assert len(filters) == 2

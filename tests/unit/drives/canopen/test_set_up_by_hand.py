@@ -224,6 +224,17 @@ def test_what_a_drive_has_and_what_its_set_up_leaves(
     assert check.as_set_up(facts, [parameter]).value(*place) == after
 
 
+@pytest.mark.parametrize(
+    ("place", "shown"),
+    [((0x1016, 1), "node 127, 150 ms"), ((0x1005, 0), "80h"), ((0x6502, 0), "100h"),
+     ((0x60A9, 0), "B50300h"), ((0x6072, 0), "1498")],
+)  # fmt: skip
+def test_a_row_shows_its_value_as_a_manual_does(place: Place, shown: str) -> None:
+    (parameter,) = [p for p in wanted_of(settings(), None) if (p.obj, p.sub) == place]
+    row = check.compare(parameter, parameter.value)
+    assert (row.want, row.have) == (shown, shown)
+
+
 def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:
     """Name plate of the motor, limits of current, gear, feed, motor type, profile velocity, beside what is set."""
     plate = {
