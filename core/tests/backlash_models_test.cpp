@@ -283,6 +283,7 @@ TEST(BacklashScan, follows_in_motion) {
     EXPECT_NEAR(scan.run(), 2.125, 1e-12);
     EXPECT_NEAR(scan.s.backlash_change_rad, 0.5 * (0.7 + 1.125), 1e-12);
     EXPECT_NEAR(scan.s.friction_change_nm, 0.5 * (1.0 + side * 10.0), 1e-12);
+    for (double sum : scan.s.lead_sums) EXPECT_EQ(sum, 0.0);  // of an encoder on the ring, behind the bank
     rest.r.vel = 0.0;
     rest.run();
     EXPECT_EQ(rest.s.backlash_change_rad, 0.7);

@@ -94,6 +94,15 @@ TEST(Brake, opened_forgets_its_spring) {
   EXPECT_EQ(sim.x.brake_z, 0.0);
 }
 
+TEST(Brake, opened_on_a_turning_shaft_forgets_its_spring_too) {
+  GantrySim<double> sim(example::plant(), example::drive(), 0.0, 0.0,
+                        {1e-3, example::kCycle, 8, Scheme::kOneEvaluation, 2});
+  sim.static_start(0.0, false);
+  sim.x.vel_motor = 120.0;
+  sim.scan({DriveMode::kOff, 0.0, 0.0}, true);
+  EXPECT_EQ(sim.x.brake_z, 0.0);
+}
+
 TEST(Brake, closing_on_a_turning_shaft_slips_at_once) {
   for (double vel : {120.0, -120.0}) {
     GantrySim<double> sim = example::sim();

@@ -32,7 +32,9 @@ struct Shaft {
   double cycle(DriveMode mode, double wanted, double vel, double feed = 0.0) {
     limited = false;
     const double pos = s.pos_last + vel * drive.p.cycle_s;
-    return drive_cycle(drive, {mode, wanted, feed}, s, pos, vel, limited).first;
+    const MotorTorques<double> given = drive_cycle(drive, {mode, wanted, feed}, s, pos, vel, limited);
+    EXPECT_EQ(given.second, 0.0);  // there is one motor
+    return given.first;
   }
 };
 
@@ -52,6 +54,9 @@ TEST(Drive, limits_torque_and_speed_in_both_directions) {
     Shaft shaft(simple());
     EXPECT_EQ(shaft.cycle(DriveMode::kSpeed, side * 100.0, 0.0), side * 150.0);
     EXPECT_TRUE(shaft.limited);
+    bool earlier = true;  // in the same scan
+    drive_cycle(shaft.drive, {DriveMode::kSpeed, 0.0, 0.0}, shaft.s, 0.0, 0.0, earlier);
+    EXPECT_TRUE(earlier);
     Shaft fast(simple());
     fast.cycle(DriveMode::kSpeed, side * 1e6, side * 130.0);
     EXPECT_EQ(fast.s.ramp, side * 130.0);
@@ -113,12 +118,14 @@ TEST(Drive, filters_its_speed_feedback) {
   EXPECT_NEAR(shaft.s.vel_filtered, 3.5, 1e-9);
 }
 
-// One wave per turn, one and two per signal period of a quarter turn; 12 whole turns change nothing.
+// One wave per turn, one and two per signal period of a quarter turn; 13 whole turns change nothing.
 TEST(Drive, an_encoder_has_errors_of_its_turn_and_of_its_periods) {
   DriveParams<double> p = simple();
+  p.encoder_error_1x_rad = 1e-3;
+  EXPECT_EQ(encoder_position(p, 0.3, 0.0), 0.3);  // not switched on
   p.encoder_errors = true;
   p.encoder_lines = 4.0;
-  const double turns = 12.0 * 6.283185307179586;
+  const double turns = 13.0 * 6.283185307179586;
   for (double x : {0.3, 0.3 + turns, 0.3 - turns}) {
     p.encoder_eccentricity_rad = 1e-3;
     p.encoder_eccentricity_phase_rad = 0.4;

@@ -43,6 +43,9 @@ TEST(Forces, a_wound_spring_drives_the_load_and_holds_the_motor_back) {
   const auto f = at(simple_plant(), wound(0.005));
   EXPECT_NEAR(f.acc_load, 5.0 / 50.0, 1e-12);
   EXPECT_NEAR(f.first.acc_motor, -5.0 / 10.0, 1e-12);
+  PlantParams<double> heavier = simple_plant();
+  heavier.inertia_motor_kg_m2 = 2.0;
+  EXPECT_NEAR(at(heavier, wound(0.005)).first.acc_motor, -0.5 / 2.0, 1e-12);
 }
 
 TEST(Forces, flanks_push_and_do_not_pull) {
@@ -252,6 +255,10 @@ TEST(Forces, what_is_switched_off_does_not_act) {
   EXPECT_EQ(f.acc_base, 0.0);
   for (const Friction<double>& none : {f.roller, f.cable, f.first.motor, f.first.brake, f.second.motor})
     for (double each : {none.torque, none.z_rate, none.slip_rate}) EXPECT_EQ(each, 0.0);
+  const Plant<double> plant(simple_plant());
+  MotorWaves<double> waves;
+  EXPECT_EQ(motor_side(plant, plant.gear, waves, 0.3).ripple, 0.0);
+  EXPECT_EQ(motor_side(plant, plant.gear, waves, 0.3).cogging, 0.0);
   PlantParams<double> rigid = simple_plant();
   rigid.rigid = true;
   for (const auto& none : {f.second, at(rigid, x).second})  // a pinion that is not there
@@ -305,6 +312,10 @@ TEST(Forces, hysteresis_grows_up_to_its_level) {
     x.hysteresis = side * 6.0;
     EXPECT_NEAR(at(p, x).first.hysteresis_rate, 0.0, 1e-6);
     EXPECT_NEAR(at(p, x).torque_mesh, side * 26.0, 1e-9);
+    PlantParams<double> halfway = p;  // between half of the level and all of it the sine is in its middle
+    halfway.friction_ep_ratio = 0.5;
+    x.hysteresis = side * 4.5;
+    EXPECT_NEAR(at(halfway, x).first.hysteresis_rate, side * (6.0 - 0.5 * 4.5) * 0.5 / 1e-3, 1e-6);
     PlantParams<double> flank = p;  // on its flank as without a gap
     flank.backlash = true;
     x.hysteresis = 0.0;
@@ -408,6 +419,9 @@ TEST(Forces, errors_of_single_teeth_wind_the_spring_and_change_the_ratio) {
   const double ratio = 0.1 + 4e-3 * 1.875 / (2.0 * kQuarter);
   EXPECT_NEAR(at(p, x).torque_mesh, 2.0 + 100.0 * ratio, 1e-9);
   EXPECT_NEAR(at(p, x).first.acc_motor, -(2.0 + 100.0 * ratio) * ratio, 1e-9);
+  x.vel_motor = 0.0;
+  p.pitch.ring_rad[0] = 1e-3;
+  EXPECT_NEAR(at(p, x).torque_mesh, 3.0, 1e-9);
 }
 
 // Bandwidth 1000 /s: after 1 ms exp(-1) of the difference is left.
@@ -417,6 +431,8 @@ TEST(CurrentLoop, torque_goes_towards_its_command) {
   const CurrentLoop<double> loop(p, 1e-3);
   EXPECT_NEAR(loop.at_start(10.0, 4.0), 4.0, 1e-12);
   EXPECT_NEAR(loop.at_end(10.0, 4.0), 10.0 - 6.0 * 0.367879441, 1e-8);
+  p.current_bandwidth_rad_s = 0.5;
+  EXPECT_EQ(CurrentLoop<double>(p, 1e-3).at_start(10.0, 4.0), 4.0);
   p.current_bandwidth_rad_s = 0.0;
   const CurrentLoop<double> ideal(p, 1e-3);
   EXPECT_EQ(ideal.at_end(10.0, ideal.at_start(10.0, 4.0)), 10.0);

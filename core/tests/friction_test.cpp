@@ -154,6 +154,13 @@ TEST(Friction, of_an_element_without_strength_is_viscous) {
   for (double v : {0.0, 0.1, 100.0}) EXPECT_EQ(friction<false>(p, gate_of(kRatio), v, 0.0).torque, 5.0 * v);
 }
 
+// 0.5 N m sliding, 0.6 N m before, over 1 mrad: it slides steadily at 1 mrad, and 0.2 mrad later when slow.
+TEST(Friction, of_a_weak_element_is_that_of_a_strong_one) {
+  const FrictionParams<double> p(0.5, 0.6, 1.0, 0.0, 1e-3, 0.0, 1.0);
+  EXPECT_NEAR(friction<false>(p, gate_of(kRatio), 50.0, 1e-3).z_rate, 0.0, 1e-12);
+  EXPECT_NEAR(friction<false>(p, gate_of(kRatio), 1e-9, 1.2e-3).slip_rate, 1e-9 / 1.2e-3, 1e-18);
+}
+
 TEST(Friction, of_nan_is_nan) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_TRUE(std::isnan(friction<false>(motor(), gate_of(kRatio), nan, 0.0).torque));

@@ -19,6 +19,8 @@ TEST(GearError, a_wave_has_its_amplitude_and_phase) {
   EXPECT_NEAR(h.at(kPi / 3.0).slope, 0.0, 1e-14);
   EXPECT_NEAR(h.at(0.0).error, 1.0, 1e-14);
   EXPECT_NEAR(h.at(0.0).slope, std::sqrt(3.0), 1e-14);
+  EXPECT_EQ(Harmonic<double>().at(0.7).error, 0.0);
+  EXPECT_EQ(Harmonic<double>().at(0.7).slope, 0.0);
 }
 
 TEST(GearError, of_the_ring_is_the_sum_of_its_waves_with_slope_and_curvature) {
@@ -101,6 +103,8 @@ TEST(ToothPitch, passes_from_one_tooth_to_the_next) {
   EXPECT_NEAR(at(0.75).slope, 4e-6 * rate * 1.875, 1e-17);
   EXPECT_NEAR(at(0.9).slope, 4e-6 * rate * 0.768, 1e-17);
   EXPECT_NEAR(at(0.9).curvature, 4e-6 * rate * rate * -5.76, 1e-16);
+  p.contact_ratio = 2.0;  // then it passes on all the time: 10 w^3 - 15 w^4 + 6 w^5 = 0.00856 at w = 0.1
+  EXPECT_NEAR(at(0.1).error, 3.424e-8, 1e-20);
 }
 
 // Two teeth of a pinion that turns half as fast as the motor: three quarters of a pitch are 270 deg of the
@@ -114,6 +118,8 @@ TEST(ToothPitch, of_the_pinion_goes_with_the_motor_through_the_reducer) {
   EXPECT_NEAR(pinion_pitch_error(p, 1.5 * kPi).error, 2e-6, 1e-18);
   EXPECT_NEAR(pinion_pitch_error(p, 2.5 * kPi).error, 4e-6, 1e-18);
   EXPECT_NEAR(pinion_pitch_error(p, -0.5 * kPi).error, 2e-6, 1e-18);
+  p.pitch.second_pinion_rad[1] = 8e-6;
+  EXPECT_NEAR(pinion_pitch_error(p, 1.5 * kPi, Pinion::kSecond).error, 4e-6, 1e-18);
 }
 
 // Four waves in a turn, at their top where the second of four teeth is 0.9 of a pitch behind: errors, slopes
@@ -143,7 +149,9 @@ TEST(Anchor, has_nothing_of_a_pinion_that_is_not_there) {
   x.pos_motor_2 = 3.0;
   const PlantParams<double> p;
   const GearError<double> gear(p);
-  const TrainAnchor<double> second = Anchor<double>(p, gear, gear, x, 0.0).second;
+  const Anchor<double> anchor(p, gear, gear, x, 0.0);
+  EXPECT_EQ(anchor.wind, 0.0);
+  const TrainAnchor<double>& second = anchor.second;
   for (const RingError<double>& none : {second.ring, second.pinion_pitch})
     for (double each : {none.rho, none.error, none.slope, none.curvature}) EXPECT_EQ(each, 0.0);
   EXPECT_EQ(second.waves.pos, 0.0);
@@ -167,6 +175,8 @@ TEST(Wind, rises_within_ten_seconds) {
   EXPECT_NEAR(wind_moment(p, 0.0), 30.0, 1e-12);
   EXPECT_NEAR(wind_moment(p, 5.0), 30.0 + 5.0 * std::sin(0.7), 1e-12);
   EXPECT_NEAR(wind_moment(p, 20.0), 30.0 + 10.0 * std::sin(2.2), 1e-12);
+  p.wind_wave_nm[0] = 7.0;
+  EXPECT_NEAR(wind_moment(p, 20.0), 30.0 + 10.0 * std::sin(2.2) + 7.0 * std::sin(6.5), 1e-12);
 }
 
 }  // namespace

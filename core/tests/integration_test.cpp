@@ -129,6 +129,14 @@ TEST(Integration, an_ideal_current_loop_acts_at_once) {
     sim.advance(3.0, kCycle);
     EXPECT_NEAR(sim.x.vel_motor, 2.0 * kCycle, 1e-15);
   }
+  p.rigid = false;
+  p.second_pinion = true;  // half of it each, on 1 kg m2
+  for (Scheme scheme : kSchemes) {
+    GantrySim<double> sim = at_rest(p, scheme);
+    sim.advance(3.0, kCycle);
+    EXPECT_NEAR(sim.x.vel_motor, 1.5 * kCycle, 1e-9);
+    EXPECT_NEAR(sim.x.vel_motor_2, 1.5 * kCycle, 1e-9);
+  }
 }
 
 // Contacts at rest: 1 - exp(-t / T), the rollers in 2 s, the motor in 0.5 s, each where it rubs.
@@ -259,7 +267,10 @@ TEST(Integration, a_cycle_alone_begins_at_the_time_of_its_scan) {
 
 // Numbers that nothing comes of, and that would cost the processor its time, are zero after a scan.
 TEST(Integration, nothing_subnormal_is_kept) {
-  GantrySim<double> sim = at_rest(simple_plant(), Scheme::kOneEvaluation);
+  DriveParams<double> drive;
+  drive.kvp_nm_s_per_rad = 2.0;
+  GantrySim<double> sim(simple_plant(), drive, 0.0, 0.0, {1e-3, kCycle, 8, Scheme::kOneEvaluation, 2});
+  sim.brake.closed = false;
 #define X(name, ...) sim.x.name = 1e-300;
   GANTRY_PLANT_STATE(X)
 #undef X

@@ -204,7 +204,8 @@ TEST(LostMotion, adds_nothing_where_the_flank_or_the_lead_is_not_known) {
                         Case{{0.0, 0.2, 0.0}, 1.0, kNaN, 0.0, false},    //
                         Case{{0.0, 0.2, 0.01}, 1.0, 0.02, 0.0, true},    // accelerated
                         Case{{1.5707963267948966, 0.2, 0.0}, 1.0, 0.02, 0.0, true},  // 2 of 5 N m
-                        Case{{0.0, 0.2, 0.0}, 1.0, 0.02, 3.0, true}}) {  // another moment was seen
+                        Case{{0.0, 0.2, 0.0}, 1.0, 0.02, 3.0, true},     // another moment was seen
+                        Case{{0.0, 0.2, 0.0}, 1.0, 0.02, 1.0, true}}) {  // by half of the friction
     State s;
     s.direction = c.direction;
     s.moment_sine_nm = c.moment_change;
@@ -217,7 +218,18 @@ TEST(LostMotion, adds_nothing_where_the_flank_or_the_lead_is_not_known) {
   State s;
   s.direction = 1.0;
   observe_lost_motion(p, {0.0, 3.0}, {0.0, 2.0}, {0.0, 0.2, 0.0}, 0.02, s);  // 5 N m, half of all friction
+  observe_lost_motion(p, {4.0, 0.0}, {0.0, 2.0}, {kPi / 6.0, 0.2, 0.0}, 0.02, s);  // 2 and 2 N m
   for (double each : s.lead_sums) EXPECT_EQ(each, 0.0);
+}
+
+TEST(LostMotion, is_not_looked_for_where_nobody_follows_the_backlash) {
+  Params p = followed();
+  p.backlash_observer = false;
+  State s;
+  for (int k = 0; k < 20; ++k)
+    compensated_law(law(), p, s, {1.0 + 1e-4 * k, 0.1, 0.0}, kRatio * (1.0 + 1e-4 * k), 1.0 + 1e-4 * k, 10.0);
+  for (const double sum : s.lead_sums) EXPECT_EQ(sum, 0.0);
+  EXPECT_EQ(s.moved, 0.0);
 }
 
 // Sums whose equations, the ridge of 1e-4 on their diagonal, have the pivots 16, 2, 2, 2, 4 and the solution

@@ -116,6 +116,33 @@ TEST(Standstill, gears_are_wound_up_by_what_they_carry) {
   EXPECT_NEAR(standing(p, kQuarter, true).x.pos_motor, 10.0 * kQuarter, 1e-9);
 }
 
+// 130 N m turn the base by 0.1 rad, and the ring with its cables by as much less: 100 N m for each rad of it.
+TEST(Standstill, cables_pull_by_the_angle_against_the_base) {
+  PlantParams<double> p = loaded();
+  p.base = true;
+  p.base_stiffness_nm_per_rad = 1300.0;
+  p.cable_moment_nm = 0.0;
+  p.cable_moment_1_nm = 100.0;
+  EXPECT_NEAR(standing(p, kQuarter, true).report.torque_mesh, -130.0 - 100.0 * (kQuarter - 0.1), 1e-9);
+}
+
+// Half of 150 N m each: 0.02 rad to the second knee, 45 N m beyond it on 4000 N m/rad. The ring of the second
+// is a quarter turn further on, half a turn and what the base gives way in all.
+TEST(Standstill, a_second_motor_stands_where_its_place_on_the_ring_puts_it) {
+  PlantParams<double> p = loaded();
+  p.eccentric_moment_nm = -100.0;
+  p.wind_moment_nm = -30.0;
+  p.cable_moment_nm = -20.0;
+  p.base = p.second_pinion = p.gear_error = true;
+  p.base_stiffness_nm_per_rad = 1300.0;
+  p.second_angle_rad = kQuarter;
+  p.error_ring_rad[0] = 1e-3;
+  const GantrySim<double> sim = standing(p, kQuarter, true);
+  const double wound = kQuarter + 0.1 + 0.02 + 45.0 / 4000.0;
+  EXPECT_NEAR(sim.x.pos_motor, 10.0 * (wound - 1e-3 * std::cos(0.1)), 1e-9);
+  EXPECT_NEAR(sim.x.pos_motor_2, 10.0 * (wound + 1e-3 * std::sin(0.1)), 1e-9);
+}
+
 // An error of the gears that is ahead of the load takes the motor back.
 TEST(Standstill, motor_stands_where_the_errors_of_the_gears_put_it) {
   PlantParams<double> p = loaded();
@@ -199,6 +226,11 @@ TEST(Simulator, tells_the_used_part_of_its_overload) {
   GantrySim<double> sim = standing(loaded(), 0.0, true);
   sim.s.overload = 2.5;
   EXPECT_NEAR(sim.overload(), 0.5, 1e-12);
+  DriveParams<double> small = drive();
+  small.overload_time_s = 0.4;  // 0.5 s
+  GantrySim<double> short_one(loaded(), small, 0.0, 0.0, sim.timing());
+  short_one.s.overload = 0.25;
+  EXPECT_NEAR(short_one.overload(), 0.5, 1e-12);
   DriveParams<double> d = drive();
   d.torque_max_nm = d.torque_rated_nm;
   GantrySim<double> none(loaded(), d, 0.0, 0.0, {1e-3, 125e-6, 8, Scheme::kOneEvaluation, 2});
@@ -224,8 +256,15 @@ TEST(Simulator, reads_the_ring_against_the_base) {
   sim.x.vel_base = 1.0;
   EXPECT_EQ(sim.ring_reading(), 0.0);
   sim.ring_encoder.fitted = true;
+  EXPECT_NEAR(sim.ring_reading(), 0.4, 1e-12);
   sim.ring_encoder.latency_s = 0.01;
   EXPECT_NEAR(sim.ring_reading(), 0.38, 1e-12);
+  const ScaleTerm<double> none;
+  for (double each : {none.waves, none.amplitude_rad, none.phase_rad}) EXPECT_EQ(each, 0.0);
+  sim.ring_encoder.scale[0].waves = 2.0;
+  sim.ring_encoder.scale[0].amplitude_rad = 1.0;
+  EXPECT_NEAR(sim.ring_reading(), 0.38 + std::sin(0.76), 1e-12);
+  sim.ring_encoder.scale[0].amplitude_rad = 0.0;
   sim.ring_encoder.noise_rad = 1e-3;
   sim.scans_done = 1.0;
   EXPECT_NEAR(sim.ring_reading(), 0.38 - 1e-3 * 74702.0 / 37837.0, 1e-12);

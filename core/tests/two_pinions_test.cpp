@@ -41,15 +41,23 @@ TEST(TwoMotors, share_the_torque_of_the_loop_and_pull_against_each_other) {
         // The first has its limit, the second goes on to its own; then there is no more.
         {240.0, 30.0, 150.0, 90.0, false},
         {250.0, 30.0, 150.0, 95.0, true},
+        {250.0, -30.0, 95.0, 150.0, true},
+        {-250.0, 30.0, -95.0, -150.0, true},
         {360.0, 30.0, 150.0, 150.0, true},
+        {999.0, 0.0, 150.0, 150.0, true},
         {999.0, 30.0, 150.0, 150.0, true},
-        {-999.0, 30.0, -150.0, -150.0, true}}) {
+        {999.0, -30.0, 150.0, 150.0, true},
+        {-999.0, 30.0, -150.0, -150.0, true},
+        {-999.0, -30.0, -150.0, -150.0, true}}) {
     limited = false;
     const MotorTorques<double> u = asked(loop_of_two(preload), torque, limited);
     EXPECT_NEAR(u.first, first, 1e-12) << torque;
     EXPECT_NEAR(u.second, second, 1e-12) << torque;
     EXPECT_EQ(limited, cut) << torque;
   }
+  DriveState<double> s;  // the loop itself asks for no more than both have with their preload
+  drive_cycle(Drive<double>(loop_of_two(30.0)), {DriveMode::kSpeed, 0.0, 999.0}, s, 0.0, 0.0, limited);
+  EXPECT_NEAR(s.torque_set, 360.0, 1e-12);
 }
 
 TEST(TwoMotors, have_no_preload_while_the_drive_is_off) {
@@ -63,13 +71,15 @@ TEST(TwoMotors, have_no_preload_while_the_drive_is_off) {
 // (100/2 + 90)/100 = 1.4 of the rated torque in one of them: its budget of 4 s (1.5^2 - 1) lasts 5 s/(1.4^2 -
 // 1).
 TEST(TwoMotors, are_limited_by_the_account_of_the_one_that_has_more) {
-  const Drive<double> drive(loop_of_two(90.0));
-  DriveState<double> s;
-  bool limited = false;
-  double time = 0.0;
-  for (; time < 10.0 && !limited; time += drive.p.cycle_s)
-    drive_cycle(drive, {DriveMode::kSpeed, 0.0, 100.0}, s, 0.0, 0.0, limited);
-  EXPECT_NEAR(time, 5.0 / 0.96, 0.01);
+  for (const auto& [torque, preload] : {std::pair{100.0, 90.0}, {-100.0, 90.0}, {100.0, -90.0}}) {
+    const Drive<double> drive(loop_of_two(preload));
+    DriveState<double> s;
+    bool limited = false;
+    double time = 0.0;
+    for (; time < 10.0 && !limited; time += drive.p.cycle_s)
+      drive_cycle(drive, {DriveMode::kSpeed, 0.0, torque}, s, 0.0, 0.0, limited);
+    EXPECT_NEAR(time, 5.0 / 0.96, 0.01);
+  }
 }
 
 // Smooth enough for balances by hand: no gear error, no friction, no base, one slope of 5.12e8 N m/rad.
@@ -157,6 +167,7 @@ TEST(TwoPinions, stand_in_balance_with_preload) {
     const PlantState<double> start = sim.x;
     EXPECT_NEAR(sim.x.torque_motor, 0.5 * load / 1144.0 + preload, 1e-9);
     EXPECT_NEAR(sim.x.torque_motor_2, 0.5 * load / 1144.0 - preload, 1e-9);
+    EXPECT_NEAR(sim.torque_act(), load / 1144.0, 1e-9);
     const double tighter = 2.0 * preload * 1144.0 / 5.12e8;  // wind-up between the two
     const double gap = preload == 20.0 ? 2.0 * 1.0566e-5 : 0.0;
     EXPECT_NEAR((sim.x.pos_motor - sim.x.pos_motor_2) / 1144.0, tighter + gap, 1e-9);
@@ -167,8 +178,56 @@ TEST(TwoPinions, stand_in_balance_with_preload) {
   }
 }
 
+// Errors of 5 mrad wind the spring of the second by 5 N m: of the ring a quarter turn further on, of its own
+// gears by their own phases.
+TEST(TwoPinions, have_the_errors_of_their_own_place_and_gears) {
+  using Params = PlantParams<double>;
+  Params p = example::simple_plant();
+  p.second_pinion = p.gear_error = true;
+  const auto expect_second = [](const Params& params) {
+    const Plant<double> plant(params);
+    const PlantState<double> x;
+    Anchor<double> anchor(params, plant.gear, plant.second_gear, x, 0.0);
+    const Forces<double> f = forces<true>(plant, x, anchor, false);
+    EXPECT_NEAR(f.first.torque_mesh, 0.0, 1e-9);
+    EXPECT_NEAR(f.second.torque_mesh, 5.0, 1e-9);
+  };
+  Params ring = p;
+  ring.error_ring_rad[0] = 0.005;
+  ring.second_angle_rad = 1.5707963267948966;
+  expect_second(ring);
+  for (const auto& [error, phase] :
+       {std::pair{&Params::error_reducer_2x_rad, &Params::second_phase_reducer_2x_rad},
+        {&Params::error_reducer_1x_rad, &Params::second_phase_reducer_1x_rad},
+        {&Params::error_reducer_4x_rad, &Params::second_phase_reducer_4x_rad},
+        {&Params::error_pinion_rad, &Params::second_phase_pinion_rad},
+        {&Params::error_mesh_rad, &Params::second_phase_mesh_rad}}) {
+    Params gears = p;
+    gears.*error = 0.005;
+    gears.*phase = 1.5707963267948966;
+    expect_second(gears);
+  }
+}
+
+// Motors of 0.8 of the torque that the drive believes in are asked for a quarter more.
+TEST(TwoPinions, ask_weak_motors_for_more) {
+  for (const bool warm : {true, false}) {
+    PlantParams<double> p = smooth(true);
+    p.thermal = warm;
+    p.motor_temp_start_k = 20.0;
+    p.torque_constant_per_k = -0.01;
+    p.half_backlash_rad_per_k = 0.0;
+    p.torque_constant = !warm;
+    p.torque_constant_ratio = warm ? 1.0 : 0.8;
+    Sim sim = example::sim(p, servo(20.0));
+    sim.static_start(1.5707963267948966, true);
+    EXPECT_NEAR(sim.x.torque_motor, 0.5 * 15990.3 / 1144.0 / 0.8 + 20.0, 1e-9);
+    EXPECT_NEAR(sim.x.torque_motor_2, 0.5 * 15990.3 / 1144.0 / 0.8 - 20.0, 1e-9);
+  }
+}
+
 // 20 N m each way, 22.88 kN m at the gantry, on the first and against it on the second: shown is the first.
-TEST(TwoPinions, show_the_first_where_both_carry_the_same) {
+TEST(TwoPinions, show_the_one_that_carries_more_and_the_first_of_equal_ones) {
   PlantParams<double> p = smooth(true);
   p.eccentric_moment_nm = 0.0;
   Sim sim = example::sim(p, servo(20.0));
@@ -184,6 +243,58 @@ TEST(TwoPinions, show_the_first_where_both_carry_the_same) {
   EXPECT_EQ(f.torque_mesh, f.first.torque_mesh);
   EXPECT_EQ(f.second.torque_mesh, -f.first.torque_mesh);
   EXPECT_GT(f.torque_mesh, 0.0);
+  x.pos_motor_2 = -0.2;
+  EXPECT_EQ(forces<true>(plant, x, anchor, false).torque_mesh,
+            forces<true>(plant, x, anchor, false).second.torque_mesh);
+  x.pos_motor = -0.2;
+  x.pos_motor_2 = 0.1;
+  EXPECT_EQ(forces<true>(plant, x, anchor, false).torque_mesh,
+            forces<true>(plant, x, anchor, false).first.torque_mesh);
+  for (const double side : {1.0, -1.0}) {  // a load of 2 N m of the motor beside 20 N m of preload
+    p.eccentric_moment_nm = -side * 2288.0;
+    Sim loaded = example::sim(p, servo(20.0));
+    loaded.static_start(1.5707963267948966, true);
+    EXPECT_NEAR(loaded.torque_mesh(), side * 21.0 * 1144.0, 1e-6);
+  }
+  p.eccentric_moment_nm = 2288.0;
+  Sim other = example::sim(p, servo(-20.0));
+  other.static_start(1.5707963267948966, true);
+  EXPECT_NEAR(other.torque_mesh(), -21.0 * 1144.0, 1e-6);
+}
+
+// The brake is on the first: it has all of the load and no preload. What has stood is old.
+TEST(TwoPinions, stand_on_the_brake_of_the_first) {
+  PlantParams<double> p = smooth(true);
+  p.ageing = true;
+  Sim sim = example::sim(p, servo(20.0));
+  sim.static_start(1.5707963267948966, false);
+  EXPECT_NEAR(sim.torque_mesh(), 15990.3, 1e-9);
+  EXPECT_NEAR(sim.x.brake_z, -15990.3 / 1144.0 / 8e5, 1e-12);
+  EXPECT_EQ(sim.x.motor_age_2, 1.0);
+}
+
+// A motor whose error of 5 mrad grows turns the load by more than 1/10, and needs as much more torque.
+TEST(TwoPinions, need_the_torque_that_the_slope_of_their_errors_asks_for) {
+  PlantParams<double> p = example::simple_plant();
+  p.second_pinion = p.gear_error = true;
+  p.eccentric_moment_nm = -20.0;
+  p.error_reducer_1x_rad = 0.005;
+  p.lost_motor = 2;
+  Sim sim = example::sim(p, servo(0.0));
+  sim.static_start(1.5707963267948966, true);
+  EXPECT_NEAR(sim.x.torque_motor, 20.0 * (0.1 + 0.005 * std::cos(sim.x.pos_motor)), 1e-9);
+  EXPECT_GT(std::fabs(std::cos(sim.x.pos_motor)), 0.1);
+  p.gear_error = false;
+  p.tooth_pitch = true;
+  p.ring_teeth = 4;
+  p.pinion_teeth = 2;
+  p.contact_ratio = 2.0;  // always passing from one tooth to the next
+  p.pitch.pinion_rad[1] = 4e-3;
+  Sim teeth = example::sim(p, servo(0.0));
+  teeth.static_start(1.5707963267948966, true);
+  const double slope = pinion_pitch_error(p, teeth.x.pos_motor).slope;
+  EXPECT_NEAR(teeth.x.torque_motor, 20.0 * (0.1 + slope), 1e-9);
+  EXPECT_GT(std::fabs(slope), 1e-5);
 }
 
 // How far the load can be turned while both motors are held: spring alone where a preload closes the gaps,
@@ -221,6 +332,7 @@ TEST(TwoPinions, hold_on_one_when_the_other_is_lost) {
     const double start = sim.x.pos_load;
     EXPECT_NEAR(lost == 1 ? sim.x.torque_motor_2 : sim.x.torque_motor, 15990.3 / 1144.0, 1e-9);
     EXPECT_EQ(lost == 1 ? sim.x.torque_motor : sim.x.torque_motor_2, 0.0);
+    EXPECT_NEAR(sim.torque_mesh(), 15990.3, 1e-9);
     run(sim, 0.0, 2000);
     EXPECT_NEAR(lost == 1 ? sim.x.torque_motor_2 : sim.x.torque_motor, 15990.3 / 1144.0, 1e-3);
     EXPECT_EQ(lost == 1 ? sim.x.torque_motor : sim.x.torque_motor_2, 0.0);
