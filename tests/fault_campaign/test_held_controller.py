@@ -61,8 +61,12 @@ def test_the_torque_goes_as_soon_as_anybody_can_take_it(
     assert off_s < held_s + 0.032 + 0.008 + 0.004
 
 
-def test_a_program_that_leaves_the_torque_on_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The limit permits no more than the time in which nobody could act."""
+@pytest.mark.parametrize("held_s", [0.04, 0.31])
+def test_a_program_that_leaves_the_torque_on_is_found(held_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit permits no more than the time in which nobody could act, and what monitors need from there.
+
+    After 0.31 s the axis goes 2.69 deg, where 2.61 are permitted, 1.48 with a sound program.
+    """
     blind = (Code.ENC_02, Code.BRK_14)
     true = Feedback.doubt
     for code in blind:
@@ -73,7 +77,7 @@ def test_a_program_that_leaves_the_torque_on_is_found(monkeypatch: pytest.Monkey
             true(self, code, **values)
 
     monkeypatch.setattr(Feedback, "doubt", doubt)
-    assert any(each.invariant == "INV-1" for each in play(scenario("sim", 0.04)).violations)
+    assert any(each.invariant == "INV-1" for each in play(scenario("sim", held_s)).violations)
 
 
 def test_a_drive_on_a_bus_does_not_wait_for_its_controller() -> None:

@@ -231,6 +231,8 @@ class AxisOracle:
             asked.take(
                 operator, self.ms, self._vel, self.angle + self.offset, moves=self.ms <= self._reason_ms
             )
+        if self._held is not None and operator is not None:
+            self._held = self._held.commands(self._now())
         if not (-self._vel_max <= vel <= self._vel_max and -self._torque_max <= torque <= self._torque_max):
             self.say("INV-4", f"on the wire: speed {vel!r} rad/s, torque {torque!r} N m")
         if axis is not None and not self.program_over:
