@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gantryctl.image import BufferMode, Mode
+from gantryctl.image import BufferMode, DigitalInputs, Mode
 from gantryctl.program import AxisState, Code
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
@@ -265,3 +265,12 @@ def test_no_motion_is_taken_in_the_scan_of_an_alarm_that_stops_the_axis():
     command = rig.axis.motion.move_absolute(rad(5.0), rad(6.0))
     assert command.status is CommandStatus.ERROR
     assert rig.axis.motion.halt().status is CommandStatus.ERROR
+
+
+def test_what_comes_to_rest_has_no_speed_that_a_cap_could_forbid():
+    rig = moving_rig()
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.op(halt=True, remote=True)
+    assert rig.axis.motion.current.speed_rad_s == 0.0
+    rig.until(lambda: rig.program.halt.done, 5.0)
+    assert Code.INT_05 not in {alarm.code for alarm in rig.axis.alarms.history}

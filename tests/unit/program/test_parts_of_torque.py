@@ -297,3 +297,33 @@ def test_torque_beyond_what_a_load_needs_must_move_the_shaft(period_s, way, answ
     seconds = parts.after(scan, lambda: "BRK-14" in parts.codes, 0.2)
     assert (0.05 <= seconds <= 0.15) is held
     assert (seconds == math.inf) is not held
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("after_s", "heavy"), [(0.3, False), (0.72, True)])
+def test_the_mean_follows_a_torque_that_stays_with_0_3_s(period_s, way, after_s, heavy):
+    """200 N m after none: 126 after 0.3 s are permitted at standstill, 182 after 0.72 s are more than 154."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.feedback.torque_nm = way * 200.0
+    for _ in range(round(after_s / period_s)):
+        watch.scan(0.0, 0.0)
+    assert (parts.after(watch.standing, lambda: "CTL-06" in parts.codes, 0.3) < math.inf) is heavy
+
+
+@BOTH
+@PERIODS
+def test_an_acceleration_that_was_there_before_explains_no_brake(period_s, way):
+    """1 deg/s2 for 0.3 s, and then half of the brake's torque beside it."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    parts.virtual.acc_ref_rad_s2 = rad(way * 1.0)
+    for _ in range(round(0.3 / period_s)):
+        watch.scan(0.0, 0.0)
+    off = rad(-way * 0.06)
+    watch.scan(off, 0.0)
+    parts.feedback.torque_nm = way * 205.0
+    parts.after(lambda: watch.scan(off, 0.0), most_s=0.031)
+    assert parts.codes == ["BRK-14"]

@@ -266,7 +266,7 @@ class PowerSequence:
             self._turns_back = False
         self._unloaded = disabled and self._unloaded
         closed = self._feedback.brake_known and not (self._feedback.brake_open or self.brake_open)
-        self._stood = phase is PowerPhase.TORQUE_OFF and self.phase in RISING and closed
+        self._stood = self.phase in RISING and closed
         self.phase = phase
         self._count = 0
         self._rest.begin()
