@@ -16,7 +16,7 @@ from typing import Final
 from gantryctl._core import Compensation
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
-from gantryctl.program.stretch import Sector, Stretch, sector_at, stretch_around
+from gantryctl.program.stretch import Sector, Stretch, stretch_around
 from gantryctl.units import within_turn
 
 _DEG: Final = math.pi / 180.0
@@ -56,10 +56,6 @@ class TravelSettings:
             return Stretch(*ends, None, None)
         clearance = self.no_go_clearance_rad
         return stretch_around(pos_rad, ends, self.no_go_rad, clearance, endless=self.endless)
-
-    def sector_at(self, angle_rad: float) -> Sector | None:
-        """The no-go sector that an angle lies in, or None."""
-        return sector_at(angle_rad, self.no_go_rad, endless=self.endless)
 
     @property
     def endless(self) -> bool:

@@ -48,14 +48,6 @@ def stretch_around(
     return Stretch(low, high, below, above)
 
 
-def sector_at(angle_rad: float, no_go_rad: tuple[Sector, ...], *, endless: bool) -> Sector | None:
-    """The sector that an angle lies in, or None."""
-    found = (
-        sector for sector in _near(angle_rad, no_go_rad, endless=endless) if sector[0] < angle_rad < sector[1]
-    )
-    return next(found, None)
-
-
 def _near(pos_rad: float, no_go_rad: tuple[Sector, ...], *, endless: bool) -> list[Sector]:
     """Sectors of a linear axis as they are; of a modulo axis those of this turn and of the next."""
     if not endless:

@@ -123,7 +123,7 @@ def _no_go(
 ) -> Refusal:
     """Name the sector that the way enters, the nearest permitted angle, and the way round if the axis has one."""
     round_: Words | Said = Words.NO_WAY_ROUND
-    if travel.endless and travel.sector_at(target_rad) is None:
+    if travel.endless:
         other = target_rad - math.copysign(math.tau, target_rad - here_rad)
         stretch = travel.stretch(here_rad)
         if stretch.low_rad <= other <= stretch.high_rad:
