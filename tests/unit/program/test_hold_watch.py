@@ -165,3 +165,14 @@ def test_a_motor_that_gives_nothing_yet_drives_no_load(way):
     parts.turn(way * 0.2)
     parts.feedback.torque_nm = 0.0
     assert parts.after(lambda: watch.scan(0.0), most_s=0.2) == math.inf
+
+
+@BOTH
+def test_a_drive_that_has_no_torque_yet_drives_no_load(way):
+    """The load falls on until the drive is enabled, whatever the torque reading says."""
+    parts = Parts()
+    watch = held(parts)
+    parts.feedback.state = DriveState.READY_TO_SWITCH_ON
+    parts.turn(way * 0.2)
+    parts.feedback.torque_nm = way * 5.0
+    assert parts.after(lambda: watch.scan(0.0), most_s=1.0) == math.inf

@@ -169,3 +169,14 @@ def test_what_no_longer_fits_is_told_in_degrees():
     assert "0.0573 deg" in said
     assert "0.0286 deg" in said
     assert "0.001" not in said
+
+
+def test_an_angle_in_doubt_keeps_a_reset_back_where_no_alarm_is_left():
+    rig = Rig()
+    rig.run(0.1)
+    rig.axis.feedback.in_doubt = True
+    assert rig.codes == []
+    assert rig.axis.reset() is not None
+    assert rig.axis.reset(service=True) is None
+    rig.run(0.01)
+    assert rig.axis.feedback.position_valid

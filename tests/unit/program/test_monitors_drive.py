@@ -292,3 +292,15 @@ def test_a_limit_switch_that_opens_is_told_with_its_side_and_both_are_a_wire(nam
         assert (interlocks.plus_open, interlocks.minus_open) == (plus, minus)
     sides = {str(code): alarm.values.get("side") for code, alarm in parts.alarms.active.items()}
     assert sides == told
+
+
+@pytest.mark.parametrize(
+    ("plus", "minus", "codes"),
+    [(False, True, []), (True, False, []), (False, False, ["LIM-04"]), (True, True, [])],
+)
+def test_one_limit_switch_that_is_open_in_the_first_scan_is_where_the_axis_stands(plus, minus, codes):
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.inputs = DigitalInputs(limit_plus_ok=plus, limit_minus_ok=minus)
+    interlocks.scan(0.0, powered=True)
+    assert parts.codes == codes

@@ -474,10 +474,12 @@ def test_the_way_of_telegrams_that_were_missed_is_no_jump_and_a_jump_later_on_is
 
 @BOTH
 def test_a_speed_that_comes_after_telegrams_that_did_not_may_have_changed_for_longer(way):
-    """0.369 deg/s in a scan of 1 ms behind the brake; 1 deg/s after three scans without a speed are believed."""
-    for old, wrong in ((3, False), (0, True)):
+    """0.369 deg/s in a scan of 1 ms behind the brake; 1 deg/s in the first two scans after three without a speed."""
+    for old, later, wrong in ((3, 0, False), (3, 1, False), (3, 2, True), (0, 0, True)):
         encoder = Encoder(speed_deg_s=way * 3.0, monitors=ROTOR)
         for age in range(1, old + 1):
             encoder.scan(speed_age_scans=age)
+        for _ in range(later):
+            encoder.scan()
         encoder.scan(speed_deg_s=way * 4.0, brake_open=False)
         assert ("ENC-14" in encoder.codes) is wrong

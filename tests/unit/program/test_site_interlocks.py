@@ -277,3 +277,17 @@ def test_each_input_has_its_own_count_of_openings():
                 parts.feedback.inputs = DigitalInputs(**{name: closed})
                 site.scan(0.0, powered=False, moving=False)
     assert parts.codes == []
+
+
+@pytest.mark.parametrize("name", ["collision_ok", "door_ok", "motion_permit"])
+def test_the_last_six_openings_count_whenever_the_one_before_was(name):
+    """Of seven within 85 s the last six lie within 55."""
+    parts = Parts()
+    site = SiteInterlocks(parts.settings, parts.feedback, parts.alarms)
+    for time_s in (0.0, 30.0, 41.0, 52.0, 63.0, 74.0, 85.0):
+        assert parts.codes == []
+        parts.alarms.time_s = time_s
+        for closed in (True, False):
+            parts.feedback.inputs = DigitalInputs(**{name: closed})
+            site.scan(0.0, powered=False, moving=False)
+    assert parts.codes == ["INT-02"]
