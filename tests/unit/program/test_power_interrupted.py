@@ -3,7 +3,8 @@
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
-from gantryctl.program import AxisState
+from gantryctl.program import AxisState, BrakeTestOutcome
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import Proof
 from gantryctl.program.settings import StandstillPolicy
 from unit.program.parts import BOTH
@@ -194,3 +195,20 @@ def test_a_slip_in_the_first_scan_of_the_unloading_counts(way):
     slip(rig, way * 0.021)
     assert rig.codes == ["BRK-03"]
     assert rig.axis.power.phase is P.TORQUE_HOLD
+
+
+@pytest.mark.parametrize("phase", [P.ENABLING, P.PROVING])
+def test_a_brake_test_that_is_not_under_way_is_not_aborted(phase):
+    """The way up goes on."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.run(0.01)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON)
+    rig.op(power=True)
+    if phase is P.PROVING:
+        rig.spoil = None
+        rig.until(lambda: rig.axis.power.phase is P.PROVING, 2.0)
+    rig.axis.abort_brake_test(Words.STOPPED)
+    assert rig.axis.power.phase is phase
+    assert rig.axis.brake_test.outcome is BrakeTestOutcome.NONE
+    rig.spoil = None
+    rig.until(lambda: rig.axis.power.phase is P.ON, 3.0)
