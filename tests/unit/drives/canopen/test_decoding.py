@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gantryctl.drives.canopen.decoding.decoder import DecodedFrame, FrameDecoder, Kind
+from gantryctl.drives.canopen.decoding.objects import object_value
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.trace.frames.ring import BusFrame
 from gantryctl.wiring.canopen import canopen_settings
@@ -144,3 +145,29 @@ def test_room_that_a_telegram_leaves_empty_is_no_object() -> None:
         decode(decoder, 0x602, data)
     (found,) = decode(decoder, 0x182, "ff3706").objects
     assert str(found).startswith("6041:00")
+
+
+@pytest.mark.parametrize(
+    ("index", "sub", "data", "value", "text"),
+    [
+        (0x603F, 0, "10 23", 0x2310, "EMCY 2310: overcurrent"), (0x6041, 0, "37 12", 0x1237, "1237h operation enabled"),
+        (0x60FD, 0, "01 00 01 00", 0x0001_0001, "00010001h"), (0x1005, 0, "80 00 00 00", 0x80, "80h (128)"),
+        (0x1A00, 1, "10 00 41 60", 0x6041_0010, "60410010h Statusword"), (0x1A00, 0, "03", 3, "3"),
+        (0x6077, 0, "64 00", 100, "100 (10.0 % of the rated torque)"), (0x1008, 0, "61 62", "ab", "'ab'"),
+        # Of another length than the standard has: with the sign that it has, or as it came.
+        (0x6061, 0, "F7 FF", -9, "-9"), (0x6041, 0, "40", 0x40, "0040h switch on disabled"),
+        (0x2345, 6, "07 00", 7, "7"),
+    ],
+)  # fmt: skip
+def test_an_object_without_a_machine_file(index: int, sub: int, data: str, value: object, text: str) -> None:
+    found = object_value(index, sub, bytes.fromhex(data), {}, None)
+    assert found.value == value
+    assert found.text.startswith(text)
+
+
+def test_another_telegram_of_the_same_node_stays_when_one_is_mapped_anew() -> None:
+    second = ("2f011a0000000000", "23011a0120006c60", "2f011a0001000000", "2301180182020040")
+    decoder = mapped(*((0x602, data) for data in second))
+    decode(decoder, 0x602, "2300180182010080")  # TPDO 1 is switched off
+    (speed,) = decode(decoder, 0x282, "0a000000").objects
+    assert (speed.obj, speed.value) == (0x606C, 10)

@@ -303,6 +303,15 @@ def test_an_answer_is_waited_for_as_long_as_it_may_take() -> None:
     assert (wire.time_s, seen, node.state) == (pytest.approx(0.1), [b"\x37\x12"], 0x05)
 
 
+def test_answers_that_came_too_late_are_passed_over_and_frames_of_others_are_not() -> None:
+    wire, passed = Wire(), list[Frame]()
+    sdo = SdoClient(wire, 2, passed.append, 0.05)  # type: ignore[arg-type]
+    wire.comes(0x582, "4B 41 60 00 37 12 00 00")
+    wire.comes(0x702, "05")
+    sdo._pass_over()
+    assert passed == [Frame(0x702, b"\x05")]
+
+
 def test_frames_of_others_do_not_hold_up_a_request_for_ever() -> None:
     wire, passed = Wire(), list[Frame]()
     receive = wire.receive

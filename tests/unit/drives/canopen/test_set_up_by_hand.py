@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gantryctl.drives.canopen import mapping as m
+from gantryctl.drives.canopen.bus.node import NodeIdentity
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.drives.canopen.nodes.bus_node import BusNode, NodeObject
 from gantryctl.drives.canopen.nodes.io_node import IoNode
@@ -19,8 +20,10 @@ from gantryctl.drives.canopen.settings import (
 )
 from gantryctl.drives.canopen.setup import parameter_check as check
 from gantryctl.drives.canopen.setup.fault_reset import reset_fault
+from gantryctl.drives.canopen.setup.live_facts import read_facts
 from gantryctl.drives.canopen.setup.opening import (
     RESTART_MARKERS,
+    _outputs_off,
     _select_csv,
     read_restart_marker,
     wanted_of,
@@ -359,6 +362,37 @@ def test_a_fixed_type_is_good_for_commands_and_not_for_feedback(kind: int) -> No
     sdo.refused[0x1400, 2] = READ_ONLY
     with pytest.raises(SdoError):
         m.write_mapping(sdo, 2, PLAN)  # type: ignore[arg-type]
+
+
+def test_a_drive_that_falls_silent_in_an_entry_has_not_refused_it() -> None:
+    sdo = Dictionary(UNUSED)
+    sdo.refused[0x1600, 2] = 0x0504_0000
+    with pytest.raises(SdoError, match="no answer"):
+        m.write_mapping(sdo, 2, PLAN)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("masks", "written"), [({}, []), ({(0x60FE, 2): 0}, [(0x60FE, 2, 0x0001_0001)])])
+def test_all_outputs_are_off_and_the_brake_is_set_before_the_telegrams_fly(
+    masks: dict[Place, int], written: list[tuple[int, int, int]]
+) -> None:
+    """Bit 0 of 60FE sets the brake; not every drive has a mask (60FE:02)."""
+    node = remote_node(Wire())
+    node.sdo = Dictionary(masks)  # type: ignore[assignment]
+    _outputs_off(node, 0x0001_0001)
+    assert node.sdo.written == [*written, (0x60FE, 1, 1)]  # type: ignore[attr-defined]
+
+
+def test_an_object_of_another_type_is_there_and_its_value_means_nothing() -> None:
+    """6041 with four bytes, where the standard has two; silence is no answer."""
+    sdo = Dictionary({(0x6041, 0): 0x40, (0x6061, 0): 9}, {0x6061: 1})
+    who = NodeIdentity(1, 2, 3, 4, 402, "", "", "")
+    facts = read_facts(sdo, who, ((0x6041, 0), (0x6061, 0), (0x606C, 0)))  # type: ignore[arg-type]
+    assert (facts.has(0x6041), facts.value(0x6041), facts.value(0x6061), facts.has(0x606C)) == (
+        True,
+        None,
+        9,
+        False,
+    )
 
 
 def test_an_object_of_another_size_is_not_mapped() -> None:
