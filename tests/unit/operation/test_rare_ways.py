@@ -19,6 +19,7 @@ from gantryctl.image import DriveState, LinkHealth, OperatorCommand
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import bus_log, opening, proofs, state
 from gantryctl.operation import run as run_module
+from gantryctl.operation.beside import begin
 from gantryctl.operation.bus_log import AlarmFrames
 from gantryctl.operation.client import Ending, Stop
 from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
@@ -357,6 +358,27 @@ def test_the_frames_around_alarms_are_kept_and_not_those_around_notes(
     frames.look(2.5)
     frames.look(2.6)
     assert kept == ([("CTL-02", 0.5), ("ENC-06", 0.5)] if side else [])
+
+
+def test_the_frames_around_an_alarm_are_frozen_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    kept: list[tuple[str, float]] = []
+    monkeypatch.setattr(bus_log, "freeze", lambda _, code, ago_s: kept.append((code, ago_s)))
+    alarms = AlarmLog()
+    frames = AlarmFrames(alarms, tmp_path)
+    for time_s, code in ((1.0, Code.CTL_02), (2.0, Code.ENC_06)):
+        alarms.time_s = time_s
+        alarms.raise_(code, measured="a test")
+        frames.look(time_s + 0.25)
+    assert kept == [("CTL-02", 0.25), ("ENC-06", 0.25)]
+
+
+def test_a_failure_beside_the_scan_is_raised_where_its_result_is_taken() -> None:
+    def fails() -> int:
+        raise DeviceError("the instrument is gone")
+
+    with pytest.raises(DeviceError, match="instrument is gone"):
+        begin(fails).result(9.0)
+    assert begin(lambda: 7).result(9.0) == 7
 
 
 @pytest.mark.parametrize("fails", [True, False])

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import gantryctl
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.machine import with_values
+from gantryctl.operation import scripting
+from gantryctl.operation.run import AxisRun
 from gantryctl.operation.scripting import load_program
 
 IDEAL = with_values(gantryctl.default_machine(), {"drive.kind": "ideal"})
@@ -115,6 +119,7 @@ def test_what_is_no_program_is_refused_with_the_reason(
         ("pass", "must call super().__init__(axis)"),
         ("self.axis = None", "must call super().__init__(axis)"),
         ("self.axis = axis", "must call super().__init__(axis)"),
+        ("super().__init__(axis); self.axis = None", "must call super().__init__(axis)"),
         ("raise SystemExit", "(axis) failed: SystemExit"),
         ("super().__init__(axis)", ""),
     ],
@@ -134,3 +139,20 @@ def test_a_program_that_does_not_take_its_axis_is_refused(
             make(axis)
     else:
         assert make(axis).axis is axis
+
+
+@pytest.mark.parametrize("target_deg", [0.5, 200.0])
+def test_a_script_leaves_the_axis_without_power_whatever_came_of_its_moves(
+    target_deg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[AxisRun] = []
+
+    class Watched(AxisRun):
+        def close(self, *given: Any) -> None:
+            super().close(*given)
+            runs.append(self)
+
+    monkeypatch.setattr(scripting, "AxisRun", Watched)
+    with suppress(CommandRefused):
+        gantryctl.move(IDEAL, target_deg)
+    assert [run.axis.is_off for run in runs] == [True]

@@ -11,11 +11,12 @@ from typing import Any
 
 import pytest
 
-from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import opening, state
 from gantryctl.operation.brake_policy import brake_words, locked_code
+from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import (
     encoder_report,
@@ -230,3 +231,41 @@ def test_a_failed_brake_is_told_first_and_locks() -> None:
     assert locked_code(replace(failed, brake_failed="")) == ""
     assert locked_code(replace(failed, error_stop="ENC-01")) == "ENC-01"
     assert locked_code(replace(failed, error_stop="CTL-03", brake_failed="")) == ""
+
+
+def test_a_zero_is_of_this_encoder_at_this_rest_and_the_one_before_is_kept() -> None:
+    before = kept(encoder_serial="ANOTHER", rest_position_counts=None)
+    set_encoder_zero(MACHINE, 10.0, "mark 7")
+    after = memory()
+    assert after.encoder_serial == new_machine(MACHINE).retained.encoder_serial != "ANOTHER"
+    assert after.previous_offset_counts == before.zero_offset_counts
+    assert after.rest_position_counts == new_machine(MACHINE, 10.0).retained.rest_position_counts
+    assert machine_status(MACHINE).condition == "power off, brake closed"
+
+
+def test_the_way_travelled_is_told_in_degrees() -> None:
+    kept(travelled_rad=6.283185307179586)
+    assert machine_status(MACHINE).travelled_deg == pytest.approx(360.0)
+
+
+@pytest.mark.parametrize("measured", [None, 3.0])
+def test_the_quick_stop_is_told_as_it_was_measured(
+    measured: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept()
+    monkeypatch.setattr(state, "own_ramp_deg_s2", lambda machine, directory: measured)
+    assert machine_status(MACHINE).quick_dec_deg_s2 == (measured or 5.4)
+
+
+@pytest.mark.parametrize(
+    ("after", "resets"), [(DriveState.FAULT, False), (DriveState.SWITCH_ON_DISABLED, True)]
+)
+def test_only_a_drive_that_has_left_its_fault_is_reset(
+    after: DriveState, resets: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gantryctl.wiring.canopen.reset_drive_fault", lambda machine: after)
+    if resets:
+        assert "the drive is in switch on disabled" in state._reset_drive(ON_BUS)
+    else:
+        with pytest.raises(DeviceError, match="its cause is still there"):
+            state._reset_drive(ON_BUS)

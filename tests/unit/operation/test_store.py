@@ -12,7 +12,7 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine, default_machine_path, load_machine, with_values
 from gantryctl.operation.opening import keep_machine, new_machine, open_machine
 from gantryctl.operation.state import encoder_report, machine_status, reset_machine, reset_simulation
-from gantryctl.operation.store import StateStore, state_hash, state_root
+from gantryctl.operation.store import StateStore, plant_hash, state_hash, state_root
 
 
 @pytest.fixture
@@ -272,3 +272,32 @@ def test_the_directory_is_noted_as_that_of_the_file_as_it_is_now(tmp_path: Path)
         assert note == {"file": str(machine.source), "state": state_hash(machine)}
         noted.append(note["state"])
     assert noted[0] != noted[1] == noted[2]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"drive.speed_loop.kvp_nm_s_per_rad": 100.0},
+        {"plant.load.inertia_kg_m2": 2.0e6},
+        {"axis.over_travel_max_deg": 180.4},
+        {"motor.inertia_kg_m2": 0.231},
+        {"brake.close_time_ms": 140.0},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_a_plant_is_made_of_five_tables(change: dict[str, object]) -> None:
+    assert plant_hash(with_values(default_machine(), change)) != plant_hash(default_machine())
+    assert plant_hash(with_values(default_machine(), {"control.kvf": 0.9})) == plant_hash(default_machine())
+
+
+def test_no_memory_is_written_into_a_directory_that_is_another_one(machine: Machine, tmp_path: Path) -> None:
+    with kept(machine) as store:
+        retained = store.load_retained()
+        assert retained is not None
+        away = store.directory.rename(tmp_path / "away")
+        store.directory.mkdir()
+        with pytest.raises(StateError, match="put it back"):
+            store.store_retained(retained)
+        assert not list(store.directory.iterdir())
+        store.directory.rmdir()
+        away.rename(store.directory)
