@@ -343,9 +343,17 @@ def test_of_a_fault_that_nobody_knows_the_longer_way_counts() -> None:
     slow = with_values(REAL, {"can.heartbeat_alone_ms": 150.0})
     row = row_of("stops_without_commands", changed(FACTS, o1400_5=None, o605E=None), slow)
     assert row.speed_max_deg_s == 5.8
+    assert "111 ms allow 6 deg/s" in str(row.detail)
 
 
 @pytest.mark.parametrize("passed", [frozenset(), frozenset({"torque"})], ids=["not tried", "no figure kept"])
 def test_of_a_limit_that_no_pulse_has_shown_all_is_open(passed: frozenset[str]) -> None:
     row = row_of("limits_torque", changed(FACTS, o6072=None), TORQUE, Proofs(passed))
     assert "what lies above 0 N m is not shown" in str(row.detail)
+
+
+def test_an_acceptance_covers_the_lack_that_it_names_and_no_other() -> None:
+    machine = without("estop_ok", "brake_open")
+    rows = ledger(machine, FACTS, ALL_PROVEN, [accepted(machine, "estop_ok")])
+    standing = {row.what: row.standing for row in rows}
+    assert (standing["estop_ok"], standing["brake_open"]) == (Standing.ACCEPTED, Standing.LACKING)

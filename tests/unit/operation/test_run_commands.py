@@ -9,11 +9,13 @@ import pytest
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import default_machine, with_values
+from gantryctl.operation import run as run_module
 from gantryctl.operation.client import Ending, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.program import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import deg
+from support.modulo_machine import modulo_machine
 
 from .kept_bench import IDEAL, kept_machine
 
@@ -210,6 +212,7 @@ def test_a_halt_that_an_alarm_overtakes_is_told_as_that() -> None:
     run.axis.alarms.raise_(Code.CTL_02, measured="a test")
     with pytest.raises(AlarmStop, match="CTL-02"):
         run.halt()
+    assert run.engine.time_s < 10.0, "nothing else is waited for"
     run.close("stopped")
 
 
@@ -223,3 +226,39 @@ def test_a_refusal_of_power_is_of_the_power_up_that_it_refused() -> None:
     run.drive.faults.mains_ready = True
     assert run.move(0.5, 6.0).done
     run.close("done")
+
+
+def test_an_experiment_that_is_stopped_at_speed_ends_at_rest() -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.begin_move(50.0, 6.0)
+    run.follow(6.0)
+    assert not run.axis.virtual.at_rest
+    run.stop = Stop.RAMP
+    with pytest.raises(AlarmStop, match="stopped by the operator"):
+        run.follow(0.1)
+    assert run.axis.virtual.at_rest
+    run.close("stopped")
+
+
+def test_ways_and_angles_of_an_axis_without_ends_follow_each_other() -> None:
+    run = AxisRun(modulo_machine({"drive.kind": "ideal", "control.scan_period_ms": 10.0}))
+    with pytest.raises(CommandRefused):
+        run.move_by(1e9, 6.0)
+    assert run.axis.is_off
+    assert run.engine.scan == 0
+    assert run.move_by(3.0, 6.0).end_deg == approx(3.0, abs=0.005)
+    assert run.move(1.0, 6.0).end_deg == approx(1.0, abs=0.005)
+    run.close("done")
+
+
+def test_a_run_that_was_refused_leaves_its_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    left: list[object] = []
+    monkeypatch.setattr(run_module, "leave_bus", left.append)
+    run = AxisRun(IDEAL)
+    run.close("refused")
+    assert left == [run.drive]
+    moved = AxisRun(IDEAL)
+    moved.engine.step()
+    moved.close("done")
+    assert left == [run.drive]

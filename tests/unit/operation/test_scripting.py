@@ -156,3 +156,12 @@ def test_a_script_leaves_the_axis_without_power_whatever_came_of_its_moves(
     with suppress(CommandRefused):
         gantryctl.move(IDEAL, target_deg)
     assert [run.axis.is_off for run in runs] == [True]
+
+
+def test_a_script_without_a_move_is_a_summary_of_standing() -> None:
+    summary = gantryctl.move(IDEAL).summary
+    assert (summary.start_deg, summary.duration_s, summary.peak_deg_s) == (
+        pytest.approx(0.0, abs=1e-6),
+        0.0,
+        0.0,
+    )

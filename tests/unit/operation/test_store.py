@@ -12,7 +12,14 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine, default_machine_path, load_machine, with_values
 from gantryctl.operation.opening import keep_machine, new_machine, open_machine
 from gantryctl.operation.state import encoder_report, machine_status, reset_machine, reset_simulation
-from gantryctl.operation.store import StateStore, plant_hash, state_hash, state_root
+from gantryctl.operation.store import (
+    StateStore,
+    last_bus,
+    last_recording,
+    plant_hash,
+    state_hash,
+    state_root,
+)
 
 
 @pytest.fixture
@@ -301,3 +308,27 @@ def test_no_memory_is_written_into_a_directory_that_is_another_one(machine: Mach
         assert not list(store.directory.iterdir())
         store.directory.rmdir()
         away.rename(store.directory)
+
+
+def test_what_the_last_run_counted_on_its_bus_is_read_as_it_was_kept(machine: Machine, state: Path) -> None:
+    assert last_bus(machine) is None
+    with kept(machine) as store:
+        store.store_bus(["12 telegrams", "none lost"])
+    found = last_bus(machine)
+    assert found is not None
+    assert found.lines == ("12 telegrams", "none lost")
+    assert found.ended
+    (state / machine.name / "bus.json").write_text("{", encoding="utf-8")
+    assert last_bus(machine) is None
+
+
+def test_the_last_recording_is_the_newest_of_all_machines(state: Path) -> None:
+    with pytest.raises(UsageError, match="no recording"):
+        last_recording()
+    made = []
+    for name, number, age_s in (("a", 1, 50), ("a", 2, 90), ("b", 7, 100)):
+        (state / name / "traces").mkdir(parents=True, exist_ok=True)
+        made.append(state / name / "traces" / f"move-{number:06d}-20260101T000000000.parquet")
+        made[-1].touch()
+        os.utime(made[-1], (10_000 - age_s,) * 2)
+    assert last_recording() == made[1], "of one machine the highest number, whatever the clock said"

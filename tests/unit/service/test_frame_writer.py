@@ -182,3 +182,12 @@ def test_an_alarm_that_is_told_late_keeps_the_frames_of_its_own_time(
     bench.writer.close()
     (frozen,) = (tmp_path / "traces").glob("bus-CAN-03-*.log")
     assert read_alarms(frozen) == [("CAN-03", pytest.approx(39.9 - 25.0))]
+
+
+def test_frames_that_were_kept_are_told_once(memory: SharedMemory, tmp_path: Path) -> None:
+    bench = Bench(memory, tmp_path)
+    spoken(memory, 50.0, 35.0)
+    for _ in range(3):
+        bench.writer.drain()
+    bench.writer.close()
+    assert len([line for line in bench.told if "the frames around an alarm are kept" in line]) == 1

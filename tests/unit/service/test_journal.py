@@ -9,6 +9,7 @@ import json
 import os
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -20,9 +21,10 @@ from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.journal.file import FIELDS, connect
-from gantryctl.service.recorder.journal.places import FILE
-from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.chain import Anchor, of_journal
+from gantryctl.service.recorder.journal.file import FIELDS, connect, lock_after, own_row, row_of
+from gantryctl.service.recorder.journal.places import FILE, places_of
+from gantryctl.service.recorder.journal.proof import kept_anchors, verify
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.recorder.journal.writer import Journal, JournalFault
 from gantryctl.service.recorder.process import EventWriter
@@ -233,3 +235,31 @@ def test_events_of_all_sources_are_kept_by_one_commit(tmp_path: Path) -> None:
         (n, m) for n in range(len(memory.events)) for m in (1, 2)
     ]
     made.close()
+
+
+def test_only_the_anchors_of_a_journal_are_compared_with_it() -> None:
+    mine, other = Anchor(1, "00", "", "mine"), Anchor(1, "11", "", "other")
+    assert of_journal([mine, other, mine], "mine") == {1: [mine, mine]}
+
+
+@pytest.mark.parametrize(
+    ("row", "lock"),
+    [
+        (own_row("service", "a note"), 5),
+        (own_row("alarm", "something is missing", lock=True), 9),
+        (row_of(1, 2, 3, b'{"kind": "command", "text": "x"}'), 5),
+        (row_of(1, 2, 3, b'{"kind": "journal", "text": "acknowledged"}'), 0),
+    ],
+)
+def test_a_lock_is_set_by_the_writer_and_freed_by_somebody_else(row: tuple[Any, ...], lock: int) -> None:
+    """It was set by event 5; this is event 9."""
+    assert lock_after(5, 9, row) == lock
+
+
+def test_an_anchor_behind_a_torn_one_counts(tmp_path: Path) -> None:
+    made = Journal(tmp_path)
+    places_of(tmp_path).anchors.write_text("7 0123456789")
+    made.append(1, 0, 1, [b'{"kind": "command", "text": "one", "utc": "2026-01-01T00:00:00Z"}'])
+    newest = made.anchor()
+    made.close()
+    assert kept_anchors(places_of(tmp_path).anchors) == [newest]

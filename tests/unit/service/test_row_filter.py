@@ -159,3 +159,10 @@ def test_a_reader_of_some_columns_still_knows_how_long_a_row_stands(ending: str,
     assert found.columns == ("time_s", "torque_act_nm", SPACING_COLUMN)
     assert found.gaps() == []
     assert len(found.every_scan()) == QUIET_ROWS
+
+
+def test_an_axis_that_creeps_away_is_an_event_however_slowly_it_goes() -> None:
+    """A microradian in a scan, of a band of 17.5: it leaves the band around where its rest began again and again."""
+    creeping = {1500 + step: {"pos_act_rad": 0.5 + 1e-6 * step} for step in range(200)}
+    found = scans(recorded(creeping))
+    assert set(range(1525, 1700)) <= found

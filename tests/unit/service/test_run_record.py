@@ -321,3 +321,18 @@ def test_a_reading_has_the_time_at_which_it_was_read(tmp_path: Path, monkeypatch
     found = left(tmp_path, 2)
     assert found is not None
     assert found.utc_s == 4999.5
+
+
+def test_the_newest_record_is_the_last_that_is_written_over(tmp_path: Path) -> None:
+    """Two on the disk, the newer one in the third sector: the next start writes into the second."""
+    file = RunFile(tmp_path)
+    file.keep(record(1))
+    file.keep(record(2))
+    file.close()
+    newest = (tmp_path / FILE).read_bytes()[2 * SECTOR :]
+    again = RunFile(tmp_path)
+    assert again.read() == record(2)
+    again.keep(record(3))
+    again.close()
+    assert (tmp_path / FILE).read_bytes()[2 * SECTOR :] == newest
+    assert reread(tmp_path) == record(3)
