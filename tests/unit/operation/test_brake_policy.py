@@ -14,6 +14,7 @@ import pytest
 from gantryctl.operation.brake_policy import (
     after_test,
     brake_due,
+    judge_due,
     last_test,
     locked_code,
     restore_learned,
@@ -184,3 +185,15 @@ def test_brake_stops_of_all_runs_are_told_together() -> None:
         axis = an_axis()
         restore_learned(axis, replace(NEW, emergency_brake_stops=stops))
         assert list(axis.alarms.active) == codes
+
+
+@pytest.mark.parametrize(("days_ago", "overdue"), [(1.0, False), (8.0, True)])
+def test_the_axis_is_told_whether_its_brake_test_is_overdue(days_ago: float, overdue: bool) -> None:
+    told: list[bool] = []
+    axis: Any = SimpleNamespace(
+        settings=SimpleNamespace(power=SimpleNamespace(untestable=None)),
+        judge_brake=lambda *, overdue: told.append(overdue),
+    )
+    at = (datetime.now(UTC) - timedelta(days=days_ago)).strftime(TIME_FORMAT)
+    judge_due(MACHINE, axis, replace(NEW, brake_tested_at=at), 0)
+    assert told == [overdue]

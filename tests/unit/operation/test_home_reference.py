@@ -248,3 +248,11 @@ def test_a_modulo_axis_has_no_margins_and_no_stops() -> None:
     assert (reading.margin_minus_deg, reading.margin_plus_deg) == (None, None)
     assert reading.verdict is RestVerdict.OK
     assert reading.angle_deg == pytest.approx(-110.0, abs=0.01)
+
+
+def test_a_travel_far_from_0_deg_is_read_on_its_own_branch() -> None:
+    """From 400 to 700 deg: half the range of 1288.9 deg lies on either side of 550 deg."""
+    scale = SCALE._replace(pos_min_deg=400.0, pos_max_deg=700.0)
+    for angle_deg in (410.0, 690.0):
+        raw = (1000 + angle_deg / scale.deg_per_count) % scale.range_counts
+        assert (scale.unwrapped(raw, 1000) - 1000) * scale.deg_per_count == approx(angle_deg, abs=1e-6)

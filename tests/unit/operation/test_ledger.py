@@ -357,3 +357,10 @@ def test_an_acceptance_covers_the_lack_that_it_names_and_no_other() -> None:
     rows = ledger(machine, FACTS, ALL_PROVEN, [accepted(machine, "estop_ok")])
     standing = {row.what: row.standing for row in rows}
     assert (standing["estop_ok"], standing["brake_open"]) == (Standing.ACCEPTED, Standing.LACKING)
+
+
+def test_a_brake_at_an_output_of_the_drive_is_no_consequence_and_nothing_else_is_left_out() -> None:
+    owner = with_values(REAL, {"brake.owner": "object_60FE"})
+    rows = {row.what for row in ledger(owner, changed(FACTS, o1017=None, o60FE_1=None), ALL_PROVEN)}
+    assert "shows_its_life" in rows
+    assert "has_outputs" not in rows

@@ -126,3 +126,9 @@ def test_only_rows_that_are_too_slow_are_named_as_that() -> None:
     (reason,) = ledger_reasons(REAL, rows)
     assert "PROVEN 0.5" in str(reason.values["lacks"])
     assert "5.4" not in str(reason.values["lacks"])
+
+
+def test_a_machine_without_nodes_is_told_with_a_dash() -> None:
+    why = why_not_commissioned(REAL, RECORD, "A", (), ())
+    assert why is not None
+    assert why.values["nodes"] == "-"

@@ -262,3 +262,15 @@ def test_a_run_that_was_refused_leaves_its_bus(monkeypatch: pytest.MonkeyPatch) 
     moved.engine.step()
     moved.close("done")
     assert left == [run.drive]
+
+
+def test_a_brake_that_has_passed_is_due_again_later() -> None:
+    with kept_machine(IDEAL, brake_tested_at="2000-01-01T00:00:00Z") as store:
+        run = AxisRun(IDEAL, store)
+        assert run.brake_due.overdue
+        run.test_brake()
+        assert not run.brake_due.overdue
+        assert run.move(10.5, 6.0).done
+        # A plant of this process comes back where it was: nothing needs to be kept.
+        run.rest_keeper()()
+        run.close("done")

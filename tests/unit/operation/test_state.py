@@ -16,6 +16,7 @@ from gantryctl.image import DriveState
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import opening, state
 from gantryctl.operation.brake_policy import brake_words, locked_code
+from gantryctl.operation.home_reference import judge_reference
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import (
@@ -269,3 +270,55 @@ def test_only_a_drive_that_has_left_its_fault_is_reset(
     else:
         with pytest.raises(DeviceError, match="its cause is still there"):
             state._reset_drive(ON_BUS)
+
+
+@pytest.mark.parametrize(("counts", "moves"), [(3, False), (30_000, True)])
+def test_a_reading_just_behind_the_wrap_is_no_motion_of_a_whole_range(
+    counts: int, moves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five counts before the end of the encoder's range, and then three behind it; 30,000 are 0.00225 deg."""
+    found = new_machine(MACHINE)
+    before, after = found.scale.range_counts - 5, counts
+
+    @contextmanager
+    def again(*_: object) -> Iterator[Any]:
+        yield found._replace(feedback=found.feedback._replace(pos_act_counts=after))
+
+    monkeypatch.setattr(state, "read_only", again)
+    seen = found._replace(feedback=found.feedback._replace(pos_act_counts=before))
+    store: Any = None
+    if moves:
+        with pytest.raises(CommandRefused, match="the axis moves"):
+            state._check_standing(ON_BUS, store, seen)
+    else:
+        state._check_standing(ON_BUS, store, seen)
+
+
+def test_an_encoder_without_a_zero_is_reported_as_that() -> None:
+    found = new_machine(MACHINE, 10.0)
+    nothing = Retained(machine=MACHINE.name, config_hash="")
+    reading = judge_reference(found.scale, found.feedback.pos_act_counts, nothing)
+    rows = dict(state.EncoderReport(reading, nothing, found.scale, MACHINE.axis.dial).rows())
+    assert (rows["zero offset"], rows["witness"], rows["angle"]) == ("not set", "-", "unknown")
+    assert (rows["stored rest position"], rows["moved while off"], rows["zero set by"]) == ("-", "-", "-")
+    kept()
+    report = encoder_report(MACHINE)
+    assert dict(report.rows())["zero offset"] == f"fine count {memory().zero_offset_counts}"
+    assert report.as_dict()["verdict"] == "ok"
+    assert report.as_dict()["zero_offset_counts"] == memory().zero_offset_counts
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("holding_torque_nm", 12.5, ("holding torque", "12.5 N m")),
+        ("travelled_rad", 6.283185307179586, ("travelled", "360 deg")),
+        ("zero_offset_counts", 7, ("zero offset", "fine count 7")),
+        ("error_stop", "", ("error stop", "-")),
+        ("moves", 3, ("moves", "3")),
+    ],
+)
+def test_what_is_retained_is_shown_in_units_of_people(
+    name: str, value: object, shown: tuple[str, str]
+) -> None:
+    assert shown in state.retained_rows(Retained(**{"machine": "m", "config_hash": "", name: value}))
