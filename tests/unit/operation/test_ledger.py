@@ -128,6 +128,8 @@ TORQUE = with_values(REAL, {"can.torque_limit_in_drive_nm": 385.0})
         # Passed, and no figure of it was kept.
         ("ramps_quick_stop", {"o6085": None}, REAL, Proofs(frozenset({"ramp"})), "ramp"),
         ("keeps_brake", {}, REAL, Proofs(), "silence"),
+        # One watch of the drive is enough.
+        ("keeps_brake", {"o1016_1": None}, REAL, Proofs(), "silence"),
         ("keeps_brake", {}, REAL, Proofs(frozenset(), frozenset({"silence"})), "silence"),
         ("knows_counts", {"o608F_1": 65536}, REAL, Proofs(), FILE),
         ("knows_counts", {"o608F_1": None}, REAL, Proofs(), "sign"),
@@ -364,3 +366,10 @@ def test_a_brake_at_an_output_of_the_drive_is_no_consequence_and_nothing_else_is
     rows = {row.what for row in ledger(owner, changed(FACTS, o1017=None, o60FE_1=None), ALL_PROVEN)}
     assert "shows_its_life" in rows
     assert "has_outputs" not in rows
+
+
+@pytest.mark.parametrize(("bit", "place"), [(0, "6000 bit 0 of node 9"), (-1, "")])
+def test_an_input_may_be_wired_to_a_node(bit: int, place: str) -> None:
+    node = {"can.io.node": 9, "can.io.inputs.estop_ok": bit}
+    row = row_of("estop_ok", machine=with_values(without("estop_ok"), node))
+    assert (row.standing, row.by) == (Standing.OBJECT if place else Standing.LACKING, place)

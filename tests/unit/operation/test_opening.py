@@ -175,3 +175,15 @@ def test_an_experiment_runs_by_its_own_control() -> None:
     assert deg(settings.ramps.acc_rad_s2) == approx(0.2)
     assert deg(settings.speed.setting_max_rad_s) == approx(5.0)
     assert opened.retained.machine == MACHINE.name
+
+
+@pytest.mark.parametrize("experiment", [True, False])
+def test_what_is_not_watched_is_told_of_the_control_in_use(
+    experiment: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = with_values(MACHINE, {"virtual_axis.acc_deg_s2": 0.2})
+    monkeypatch.setattr(
+        opening, "_calibration_notes", lambda machine: (f"{machine.virtual_axis.acc_deg_s2:.3f}",)
+    )
+    opened = open_axis(MACHINE, None, controlled_as=other if experiment else None)
+    assert opened.notes[-1] == ("0.200" if experiment else "0.393")
