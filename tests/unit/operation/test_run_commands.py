@@ -8,11 +8,12 @@ import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.image import InputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation import run as run_module
 from gantryctl.operation.client import Ending, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
-from gantryctl.program import Code
+from gantryctl.program import Code, GantryProgram
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import deg
 from support.modulo_machine import modulo_machine
@@ -274,3 +275,30 @@ def test_a_brake_that_has_passed_is_due_again_later() -> None:
         # A plant of this process comes back where it was: nothing needs to be kept.
         run.rest_keeper()()
         run.close("done")
+
+
+class Fails(GantryProgram):
+    """Fails three seconds after the start, in motion."""
+
+    def logic(self, image: InputImage) -> None:
+        super().logic(image)
+        if image.time_s > 3.0:
+            raise ValueError("a test")
+
+
+def test_the_stop_of_a_program_that_failed_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the engine is closed, which would let a plant of this process settle, and no other."""
+    run, speeds = AxisRun(IDEAL, program=Fails), []
+    with pytest.raises(AlarmStop, match="SYS-09") as stopped:
+        run.move(50.0, 6.0)
+    speeds.append(run.drive.read().vel_act_rad_s)
+    close = run.engine.close
+
+    def watched() -> None:
+        speeds.append(run.drive.read().vel_act_rad_s)
+        close()
+
+    monkeypatch.setattr(run.engine, "close", watched)
+    run.close("stopped", stopped.value)
+    assert speeds[0] > 1.0
+    assert speeds[1] == 0.0
