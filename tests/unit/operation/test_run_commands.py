@@ -8,7 +8,7 @@ import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.image import InputImage
+from gantryctl.image import Direction, InputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation import run as run_module
 from gantryctl.operation.client import Ending, Snapshot, Stop
@@ -302,3 +302,14 @@ def test_the_stop_of_a_program_that_failed_is_waited_for(monkeypatch: pytest.Mon
     run.close("stopped", stopped.value)
     assert speeds[0] > 1.0
     assert speeds[1] == 0.0
+
+
+def test_an_axis_without_ends_stays_within_its_turn_unless_a_direction_is_named() -> None:
+    """From 170 to -170 deg 340 deg back at 6 deg/s, 57 s and the ramps, or 20 deg on, 3.3 s and the ramps."""
+    run = AxisRun(modulo_machine({"drive.kind": "ideal", "control.scan_period_ms": 10.0}))
+    run.move(170.0, 6.0)
+    back = run.move(-170.0, 6.0)
+    short = run.move(170.0, 6.0, direction=Direction.SHORTEST)
+    assert back.to_s - back.from_s > 340.0 / 6.0
+    assert short.to_s - short.from_s < 10.0
+    run.close("done")

@@ -44,6 +44,8 @@ def test_each_figure_is_the_largest_of_its_column_whatever_its_sign() -> None:
     found = summary(recording())
     assert (found.start_deg, found.end_deg) == (pytest.approx(10.0), pytest.approx(11.98))
     assert found.duration_s == pytest.approx(0.5)  # of the set-point's motion alone
+    on_the_way = (0.3, *ROWS[1][1:])
+    assert summary(recording(*ROWS[:2], on_the_way, *ROWS[2:])).duration_s == pytest.approx(0.5)
     assert (found.peak_deg_s, found.torque_max_nm) == (pytest.approx(5.0), 20.0)
     assert found.following_error_motor_deg == pytest.approx(0.01)
     assert found.following_error_load_deg == pytest.approx(0.02)
