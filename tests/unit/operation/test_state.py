@@ -322,3 +322,17 @@ def test_what_is_retained_is_shown_in_units_of_people(
     name: str, value: object, shown: tuple[str, str]
 ) -> None:
     assert shown in state.retained_rows(Retained(**{"machine": "m", "config_hash": "", name: value}))
+
+
+def test_a_reset_that_is_cut_off_leaves_no_memory_of_one_machine_with_the_plant_of_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def cut(*_: object) -> None:
+        raise OSError("the disk is full")
+
+    kept()
+    monkeypatch.setattr(state, "keep_machine", cut)
+    with pytest.raises(OSError, match="disk is full"):
+        reset_simulation(MACHINE, 5.0)
+    with StateStore(MACHINE) as store:
+        assert (store.load_plant(), store.load_retained()) == (None, None)
