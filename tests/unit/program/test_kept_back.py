@@ -180,3 +180,18 @@ def test_an_angle_in_doubt_keeps_a_reset_back_where_no_alarm_is_left():
     assert rig.axis.reset(service=True) is None
     rig.run(0.01)
     assert rig.axis.feedback.position_valid
+
+
+@pytest.mark.parametrize(
+    ("drags", "service", "kept"), [(True, True, False), (True, False, True), (False, True, True)]
+)
+def test_what_a_motion_needs_is_forgotten_by_service_where_a_brake_has_dragged(drags, service, kept):
+    rig = Rig()
+    rig.run(0.1)
+    rig.axis.monitors.drag.model.restore((1.0, 2.0, 3.0, 4.0, 5.0))
+    code = Code.BRK_02 if drags else Code.CTL_12
+    rig.axis.alarms.raise_(code, measured=50.0, share=20.0, limit=1.0, trip=1.0)
+    rig.step()
+    assert rig.axis.reset(service=service) is None
+    rig.run(0.01)
+    assert bool(rig.axis.torque_weights) is kept

@@ -304,3 +304,16 @@ def test_one_limit_switch_that_is_open_in_the_first_scan_is_where_the_axis_stand
     parts.feedback.inputs = DigitalInputs(limit_plus_ok=plus, limit_minus_ok=minus)
     interlocks.scan(0.0, powered=True)
     assert parts.codes == codes
+
+
+def test_a_fault_keeps_the_first_code_that_the_drive_has_shown_for_it():
+    """None at first, then one, then none again."""
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.state = DriveState.FAULT
+    told = []
+    for code in (0, 0x8611, 0, 0):
+        parts.feedback.error_code = code
+        interlocks.scan(0.0, powered=True)
+        told.append(str(parts.alarms.active[Code.DRV_01].values["measured"]))
+    assert told[0] != told[1] == told[2] == told[3]

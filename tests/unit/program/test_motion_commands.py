@@ -223,8 +223,8 @@ def test_a_motion_that_an_alarm_ends_lasts_until_the_axis_is_at_rest():
 
 @pytest.mark.parametrize("left_deg", [3.0, 0.05])
 def test_a_stop_is_not_taken_back_by_the_override_however_near_the_end_it_comes(left_deg):
-    """0.05 deg before its end the motion's own ramp is the nearer one, and it is a stop from then on."""
-    rig = Rig()
+    """Its own ramp of 5.4 deg/s2 is the nearer one near the end, Stop's has 5; it is a stop from then on."""
+    rig = Rig(config=settings(dec=5.4))
     rig.power_up()
     rig.move(10.0)
     rig.until(lambda: rig.ref_deg > 10.0 - left_deg, 5.0)

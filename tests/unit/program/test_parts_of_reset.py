@@ -383,3 +383,14 @@ def test_each_reset_has_its_own_role_and_its_own_second():
         assert reset.request(service) is None
         assert reset.service is service
         assert parts.after(reset.finished, lambda: not reset.resetting, 2.0) == approx(1.001)
+
+
+@pytest.mark.parametrize(
+    ("reaction", "state", "last"),
+    [(Reaction.QUICK_STOP, OFF, 4000), (Reaction.TORQUE_OFF, ON, 500), (Reaction.TORQUE_OFF, OFF, 2000)],
+)
+def test_a_stop_may_take_its_whole_time_to_the_scan(reaction, state, last):
+    stop = Stop(reaction)
+    stop.scan(1, state=state)
+    assert W.STOP_UNCONFIRMED not in stop.scan(last)
+    assert W.STOP_UNCONFIRMED in stop.scan(last + 1)
