@@ -21,7 +21,7 @@ struct CompensatedResult {
 
 template <class T>
 Flank<T> flank_now(const CompensationParams<T>& p, const CompensationState<T>& s) {
-  return {backlash_now(p, s), friction_load_now(p, s)};
+  return {backlash_now(p, s), p.flank_friction_share * friction_load_now(p, s)};
 }
 
 // Where the load is by motor encoder and maps, at rest: what the set-point starts from.
@@ -155,7 +155,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   out.disagreement_rad = reading.seen - (y - c.pos);
   out.moment_change_nm = p.moment_observer ? size_of(observe_moment(p, ratio, r, torque_nm, s)) : T(0.0);
   if (p.backlash_observer && p.load_encoder) {
-    observe_lost_motion(p, moment, flank, r, out.disagreement_rad, s);
+    observe_lost_motion(p, moment, r, out.disagreement_rad, s);
     use_lost_motion(p, moment, flank, r, s);
   } else if (p.backlash_observer) {
     const T x = y - gear_correction(p, r.pos, r.vel).pos;

@@ -43,6 +43,7 @@ constexpr int kFastWaves = 12;
   X(reversal_length_rad, 1e-4, "way over which the direction turns round")                            \
   X(backlash_rad, 0.0, "backlash, both flanks together, at the gantry")                               \
   X(friction_load_nm, 0.0, "friction behind the mesh")                                                \
+  X(flank_friction_share, 1.0, "of it, with which the flank of the gears is planned")                 \
   X(inertia_load_kg_m2, 0.0, "behind the mesh")                                                       \
   X(flank_nm, 1.0, "torque in the flank, on either side of 0, over which the flank changes")           \
   X(fade_rad_s, 1e9, "waves passing faster than this are no longer followed")                         \
@@ -146,7 +147,7 @@ struct CompensationState {
   MaskOf<T> started = mask<T>(false);
 };
 
-// What the flank of the gears depends on, as far as it is followed.
+// What the flank of the gears is planned with, as far as it is followed.
 template <class T>
 struct Flank {
   T backlash_rad;

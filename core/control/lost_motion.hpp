@@ -59,11 +59,11 @@ BacklashSeen<T> lost_motion_seen(const CompensationParams<T>& p, const Compensat
 
 // A scan of motion: `apart` is the load-side reading less the angle that motor encoder and maps give.
 template <class T>
-void observe_lost_motion(const CompensationParams<T>& p, const Moment<T>& m, const Flank<T>& flank,
-                         const SetPoint<T>& r, T apart, CompensationState<T>& s) {
+void observe_lost_motion(const CompensationParams<T>& p, const Moment<T>& m, const SetPoint<T>& r, T apart,
+                         CompensationState<T>& s) {
   const SinCos<T> x = sincos(r.pos);
   const T z = sign(r.vel);
-  const T mesh = m.sine_nm * x.sin + m.cosine_nm * x.cos + z * flank.friction_nm;
+  const T mesh = m.sine_nm * x.sin + m.cosine_nm * x.cos + z * friction_load_now(p, s);
   const T side = sign(mesh);
   const auto steady = both(vabs(r.vel) > p.observer_speed_rad_s, s.direction * z == T(1.0));
   const auto lies = both(r.acc == T(0.0), vabs(mesh) > T(kFlankKnown) * p.friction_nm);

@@ -149,6 +149,10 @@ TEST(BacklashObserver, plans_with_what_it_found) {
   EXPECT_NEAR(map_correction(p, none, flank_now(p, s), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0).pos, 0.075 * kMm, 1e-18);
   EXPECT_NEAR(map_correction(p, none, flank_now(p, s), -1.0, 0.0, 0.0, 0.0, 0.0, 0.0).pos, -0.075 * kMm,
               1e-18);
+  p.flank_friction_share = 0.5;
+  EXPECT_DOUBLE_EQ(flank_now(p, s).friction_nm, 2.1e3);
+  EXPECT_DOUBLE_EQ(friction_load_now(p, s), 4.2e3);
+  p.flank_friction_share = 1.0;
   p.backlash_observer = false;
   EXPECT_EQ(flank_now(p, s).backlash_rad, 0.0);
   EXPECT_EQ(flank_now(p, s).friction_nm, 6e3);

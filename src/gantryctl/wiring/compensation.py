@@ -23,6 +23,9 @@ _SWING_DEG_S: Final = 1.0
 _OBSERVED_SHARE: Final = 0.35
 # The band in which a load that has passed the gap shows: a quarter of its swing to four times that.
 _FASTER: Final = 4.0
+# A load that comes to rest is held by anything between nothing and all of the friction behind the mesh; what is left of
+# a flank that was planned wrong the load-side loop takes back, so with one the middle is planned.
+_RESTING_SHARE: Final = 0.5
 # Grease warms and seals run in.
 _FRICTION_SPREAD: Final = 0.5
 # Of the lowest setting; below it breakaway and pre-sliding are more than friction.
@@ -207,6 +210,7 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
         "friction_load_nm": calibration.friction_behind_mesh_nm
         if observes
         else found.friction_load_nm or 0.0,
+        "flank_friction_share": _RESTING_SHARE if observes and config.load_encoder.active else 1.0,
         "backlash_rad": found.backlash_rad or 0.0,
         "compliance_rad_per_nm": 1.0 / stiffness if stiffness else 0.0,
         "lean_rad_per_nm": calibration.maps.lean_rad_per_nm or 0.0,

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Calibration, Machine, Unknown, default_machine, with_values
 from gantryctl.program.settings import CalibrationWatchSettings
@@ -168,6 +169,14 @@ def test_what_is_not_known_is_nothing(changes: dict[str, Any], name: str, value:
 def test_an_observer_of_the_backlash_takes_half_of_the_friction_where_its_part_is_not_known() -> None:
     assert laws(FOLLOWING)["friction_load_nm"] == 4e3
     assert laws(FOLLOWING, friction_load_nm=None)["friction_load_nm"] == 5e3
+
+
+def test_a_stop_is_planned_with_half_of_the_friction_where_backlash_is_followed_by_an_encoder_on_the_ring() -> (
+    None
+):
+    assert laws()["flank_friction_share"] == 1.0
+    assert laws(FOLLOWING)["flank_friction_share"] == 0.5
+    assert laws(without_load_encoder(FOLLOWING))["flank_friction_share"] == 1.0
 
 
 @pytest.mark.parametrize(
