@@ -7,7 +7,7 @@ import pytest
 from gantryctl.image import DigitalInputs
 from gantryctl.program import AxisState, Code, PowerPhase
 from gantryctl.program.alarms.words import Words
-from gantryctl.units import rad
+from gantryctl.units import deg, rad
 from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
 
 
@@ -106,3 +106,14 @@ def test_an_alarm_has_the_time_and_the_scan_in_which_it_was_raised():
     alarm = rig.axis.alarms.active[Code.PWR_01]
     assert (alarm.scan, alarm.time_s) == (rig.scan - 1, pytest.approx((rig.scan - 1) * rig.period_s))
     assert rig.axis.time_s == alarm.time_s
+
+
+def test_the_end_of_a_motion_and_the_way_of_a_stop_are_told():
+    """100 deg at 6 deg/s, with ramps of 1.5 s: 18.167 s; 5 deg/s2 with a jerk of 100 deg/s3 take 3.75 deg."""
+    rig = powered()
+    assert rig.axis.stopping_angle_rad() == 0.0
+    begun_s = rig.scan * rig.period_s
+    rig.move(100.0)
+    assert rig.axis.plan_end_s == pytest.approx(begun_s + 18.1667, abs=2e-3)
+    rig.run(3.0)
+    assert deg(rig.axis.stopping_angle_rad()) == pytest.approx(3.75, abs=0.01)

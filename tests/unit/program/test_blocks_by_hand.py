@@ -5,6 +5,7 @@ import math
 import pytest
 
 from gantryctl.program import AxisState
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.reference import Reference
 from gantryctl.program.blocks import (
     Home,
@@ -330,3 +331,13 @@ def test_jog_back_from_the_end_of_travel_is_not_at_the_limit_any_more():
     assert not block.at_limit
     rig.run(0.5)
     assert not block.at_limit
+
+
+@pytest.mark.parametrize("spoilt", [{"in_doubt": True}, {"counts": math.nan}])
+def test_no_reference_is_set_where_the_angle_is_not_known(spoilt):
+    parts = Parts()
+    for name, value in spoilt.items():
+        setattr(parts.feedback, name, value)
+    refused = Reference(parts.settings, parts.feedback, None).check(0.0, standing=True)
+    assert refused is not None
+    assert refused.values["reason"] is Words.POSITION_NOT_VALID

@@ -274,3 +274,17 @@ def test_what_comes_to_rest_has_no_speed_that_a_cap_could_forbid():
     assert rig.axis.motion.current.speed_rad_s == 0.0
     rig.until(lambda: rig.program.halt.done, 5.0)
     assert Code.INT_05 not in {alarm.code for alarm in rig.axis.alarms.history}
+
+
+def test_a_motion_that_override_0_holds_back_is_judged_again_before_it_goes_on():
+    rig = moving_rig()
+    assert rig.axis.set_override(1.0) is None
+    rig.op(override=0.0)
+    rig.run(3.0)
+    rig.axis.interlocks.permitted = False
+    assert rig.axis.set_override(1.0) is not None
+    assert rig.axis.virtual.override == 0.0
+    rig.axis.interlocks.permitted = True
+    assert rig.axis.set_override(1.0) is None
+    rig.run(0.5)
+    assert abs(rig.vel_deg_s) > 1.0

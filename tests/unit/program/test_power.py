@@ -4,6 +4,7 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
 from gantryctl.program import AxisState
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.permission import why_no_torque
 from gantryctl.program.power.phases import Proof
 from gantryctl.units import rad
@@ -266,3 +267,12 @@ def test_a_brake_without_a_contact_is_not_told_as_open(known):
     rig.spoil = lambda drive: drive._replace(brake_open=True, brake_contact=known)
     rig.run(0.6)
     assert rig.codes == (["BRK-06"] if known else [])
+
+
+def test_torque_is_refused_on_an_angle_in_doubt():
+    parts = Parts()
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    parts.feedback.in_doubt = True
+    refused = why_no_torque(parts.feedback, parts.alarms)
+    assert refused is not None
+    assert refused.values["reason"] is Words.POSITION_NOT_VALID
