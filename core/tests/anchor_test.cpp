@@ -99,6 +99,18 @@ TEST(Anchor, waves_of_the_motor_are_those_in_full_within_their_reach) {
   }
 }
 
+// Of two motors side by side the one that has left the reach of 0.03 rad.
+TEST(Anchor, waves_begin_anew_where_a_motor_has_left_their_reach) {
+  using Two = Pack<2>;
+  const GearError<Two> gear{PlantParams<Two>()};
+  MotorWaves<Two> waves(gear, Two(1.0));
+  Two pos(1.01);
+  set_lane(pos, 1, 2.0);
+  waves.reach(gear, pos);
+  EXPECT_EQ(lane(waves.pos, 0), 1.0);
+  EXPECT_EQ(lane(waves.pos, 1), 2.0);
+}
+
 TEST(Anchor, eccentric_torque_is_that_in_full_near_its_anchor) {
   PlantParams<double> p = example::plant();
   p.eccentric_angle_rad = 0.4;

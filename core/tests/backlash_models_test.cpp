@@ -266,6 +266,17 @@ TEST(BacklashScan, tells_only_of_a_known_load_that_is_accelerated) {
 
 // What is seen and not yet in use is followed by half in each scan in motion: of the backlash the way from
 // 0.7 rad, of the friction that from 1 N m to 10 N m, its spread.
+// Sums of 1, 0 and 1/2 about the third model, with the prior: the parabola through them has its lowest point
+// a sixth of a step further on.
+TEST(BacklashScan, looks_at_every_model) {
+  State s;
+  for (std::size_t k = 0; k < kBacklashModels; ++k) {
+    const double apart = static_cast<double>(k) - 2.0;
+    s.bank[k].misfit = (k == 2 ? 0.0 : k == 3 ? 0.5 : 1.0) - apart * apart / 49.0;
+  }
+  EXPECT_NEAR(backlash_seen(round_numbers(), s), (2.0 + 1.0 / 6.0) * 0.5, 1e-12);
+}
+
 TEST(BacklashScan, follows_in_motion) {
   for (double side : {1.0, -1.0}) {
     Scan scan;

@@ -433,6 +433,13 @@ TEST(CurrentLoop, torque_goes_towards_its_command) {
   EXPECT_NEAR(loop.at_end(10.0, 4.0), 10.0 - 6.0 * 0.367879441, 1e-8);
   p.current_bandwidth_rad_s = 0.5;
   EXPECT_EQ(CurrentLoop<double>(p, 1e-3).at_start(10.0, 4.0), 4.0);
+  EXPECT_NEAR(CurrentLoop<double>(p, 1e-3).at_end(10.0, 4.0), 10.0 - 6.0 * std::exp(-5e-4), 1e-12);
+  PlantParams<Pack<2>> side_by_side;
+  side_by_side.current_bandwidth_rad_s = 0.5;
+  set_lane(side_by_side.current_bandwidth_rad_s, 1, 0.0);
+  const Pack<2> torque = CurrentLoop<Pack<2>>(side_by_side, 1e-3).at_start(10.0, 4.0);
+  EXPECT_EQ(lane(torque, 0), 4.0);
+  EXPECT_EQ(lane(torque, 1), 10.0);
   p.current_bandwidth_rad_s = 0.0;
   const CurrentLoop<double> ideal(p, 1e-3);
   EXPECT_EQ(ideal.at_end(10.0, ideal.at_start(10.0, 4.0)), 10.0);

@@ -118,6 +118,7 @@ TEST(ToothPitch, of_the_pinion_goes_with_the_motor_through_the_reducer) {
   EXPECT_NEAR(pinion_pitch_error(p, 1.5 * kPi).error, 2e-6, 1e-18);
   EXPECT_NEAR(pinion_pitch_error(p, 2.5 * kPi).error, 4e-6, 1e-18);
   EXPECT_NEAR(pinion_pitch_error(p, -0.5 * kPi).error, 2e-6, 1e-18);
+  EXPECT_NEAR(pinion_pitch_error(p, -12.5 * kPi).error, 2e-6, 1e-17);  // three turns before it
   p.pitch.second_pinion_rad[1] = 8e-6;
   EXPECT_NEAR(pinion_pitch_error(p, 1.5 * kPi, Pinion::kSecond).error, 4e-6, 1e-18);
 }

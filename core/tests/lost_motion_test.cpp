@@ -220,8 +220,9 @@ TEST(LostMotion, adds_nothing_where_the_flank_or_the_lead_is_not_known) {
   }
   State s;
   s.direction = 1.0;
-  observe_lost_motion(p, {0.0, 3.0}, {0.0, 0.2, 0.0}, 0.02, s);        // 5 N m, half of all friction
-  observe_lost_motion(p, {4.0, 0.0}, {kPi / 6.0, 0.2, 0.0}, 0.02, s);  // 2 and 2 N m
+  observe_lost_motion(p, {0.0, 3.0}, {0.0, 0.2, 0.0}, 0.02, s);            // 5 N m, half of all friction
+  observe_lost_motion(p, {4.0, 0.0}, {kPi / 6.0, 0.2, 0.0}, 0.02, s);      // 2 and 2 N m
+  observe_lost_motion(p, {4.0, -4.6188}, {kPi / 6.0, 0.2, 0.0}, 0.02, s);  // and 4 against them
   for (double each : s.lead_sums) EXPECT_EQ(each, 0.0);
 }
 
@@ -329,6 +330,21 @@ TEST(LostMotion, is_used_once_at_the_end_of_a_move) {
   s.backlash_change_rad = 0.25;
   scan(0.0, 0.0);
   EXPECT_EQ(s.backlash_change_rad, 0.25);
+}
+
+// Of two axes side by side the one whose move has ended.
+TEST(LostMotion, is_used_where_a_move_has_ended) {
+  using Two = Pack<2>;
+  CompensationParams<Two> p = example::in_every_lane<2>(round_numbers());
+  State one;
+  fill_sums(one, 1.0, 0.0);
+  CompensationState<Two> s;
+  for (std::size_t n = 0; n < kLeadSums; ++n) s.lead_sums[n] = one.lead_sums[n];
+  set_lane(s.moved, 0, 1.0);
+  use_lost_motion(p, {Two(10.0), Two(0.0)}, {Two(0.2), Two(2.0)}, {Two(1.5), Two(0.0), Two(0.0)}, s);
+  EXPECT_GT(lane(s.backlash_change_rad, 0), 0.9);
+  EXPECT_EQ(lane(s.backlash_change_rad, 1), 0.0);
+  EXPECT_EQ(lane(s.bias_rad, 1), 0.0);
 }
 
 // A base of 1e9 N m/rad leans by 20 urad under 20 kN m more: the ring goes with it, the load does not.

@@ -137,10 +137,11 @@ TEST(Standstill, a_second_motor_stands_where_its_place_on_the_ring_puts_it) {
   p.base_stiffness_nm_per_rad = 1300.0;
   p.second_angle_rad = kQuarter;
   p.error_ring_rad[0] = 1e-3;
+  p.phase_ring_rad[0] = 0.3;
   const GantrySim<double> sim = standing(p, kQuarter, true);
   const double wound = kQuarter + 0.1 + 0.02 + 45.0 / 4000.0;
-  EXPECT_NEAR(sim.x.pos_motor, 10.0 * (wound - 1e-3 * std::cos(0.1)), 1e-9);
-  EXPECT_NEAR(sim.x.pos_motor_2, 10.0 * (wound + 1e-3 * std::sin(0.1)), 1e-9);
+  EXPECT_NEAR(sim.x.pos_motor, 10.0 * (wound - 1e-3 * std::cos(0.4)), 1e-9);
+  EXPECT_NEAR(sim.x.pos_motor_2, 10.0 * (wound + 1e-3 * std::sin(0.4)), 1e-9);
 }
 
 // An error of the gears that is ahead of the load takes the motor back.
