@@ -134,10 +134,6 @@ struct Population {
   }
 
   static Leg stop(double from, long scans) {
-    // What nobody follows goes on backwards, as the axis went: it says nothing of lead and flank.
-    if (scans % 3 == 1)
-      return {Segments({{0.0, from, -0.01, 0.0, 0.0}}, 1.0, from, 0.0), 190 + scans % 7, 3,
-              DriveMode::kQuickStop};
     const DriveMode modes[] = {DriveMode::kSpeed, DriveMode::kQuickStop, DriveMode::kOff};
     return {example::triangle(from, 1e-5, kAcc), 190 + scans % 7, 3, modes[scans % 3], scans % 3 < 2};
   }
