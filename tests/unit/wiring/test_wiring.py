@@ -25,7 +25,13 @@ from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import deg, rad
 from gantryctl.wiring import simulator
 from gantryctl.wiring.engine import build_engine, build_program, recording_metadata
-from gantryctl.wiring.program import axis_settings, motion_limits, position_law, ramps_deg
+from gantryctl.wiring.program import (
+    axis_settings,
+    motion_limits,
+    position_law,
+    ramps_deg,
+    travel_settings,
+)
 from gantryctl.wiring.simulator import delivered_zero_counts, drive_params, plant_params, sim_drive
 
 MACHINE = default_machine()
@@ -294,3 +300,25 @@ def test_the_zero_of_a_new_machine_lies_behind_the_lead_of_its_maps(monkeypatch:
     read = sim_drive(MACHINE, 20.0).read().pos_act_counts
     motor_deg = (read - delivered_zero_counts(MACHINE, 20.0)) / 4_194_304 / 1144.0 * 360.0
     assert motor_deg == pytest.approx(20.25, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("jog_dec_deg_s2", "way_deg"),
+    [
+        # (4 ms)^2 / 4k, k = (1/2.0 - 1/5.4) / 2; without a difference of the ramps 6 deg/s for 4 ms.
+        (2.0, 2.541176e-5),
+        (5.4, 0.024),
+    ],
+)
+def test_a_sector_that_is_not_entered_has_its_margins(jog_dec_deg_s2: float, way_deg: float) -> None:
+    """Four scans of 1 ms ahead; 0.03 deg of following error, twice of it and the way between the two ramps."""
+    changes = {"axis.no_go_deg": [[40.0, 50.0]], "virtual_axis.jog_release_dec_deg_s2": jog_dec_deg_s2}
+    found = travel_settings(with_values(MACHINE, changes))
+    (sector,) = found.no_go_rad
+    assert sector == pytest.approx((rad(40.0), rad(50.0)))
+    assert found.no_go_lead_s == pytest.approx(0.004)
+    slow = with_values(MACHINE, changes | {"control.scan_period_ms": 4.0})
+    assert travel_settings(slow).no_go_lead_s == pytest.approx(0.016)
+    assert deg(found.no_go_margin_rad) == pytest.approx(0.03)
+    assert deg(found.no_go_clearance_rad) == pytest.approx(0.06 + way_deg, rel=1e-6)
+    assert travel_settings(MACHINE).no_go_rad == ()
