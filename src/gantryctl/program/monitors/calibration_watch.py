@@ -19,10 +19,10 @@ _ALIKE_SWINGS: Final = 0.5
 _ALIKE_S: Final = 0.25
 # Time in motion over which what was seen fades: some 60 moves of 20 s.
 _MEMORY_S: Final = 1200.0
-# The same in changes of the flank, of which a move has one or two. Those of one session are made at one temperature and
-# friction and say less than as many of several: ten of a cold one showed 0.089 of 0.05 mm, within 0.004 of each other.
+# The same in changes of the flank, of which a move has about one. Before there are so many nothing is said of the gap:
+# those of one session are made at one temperature and say less than as many of a day. Ten of a cold morning showed 0.089
+# of 0.05 mm, within 0.004 of each other; with 20 one sound machine in 50 chains of ten days was still named.
 _EVENTS: Final = 40
-_EVENTS_MIN: Final = 20
 # A finding lies so many standard deviations beyond its bound: 3.4 in a million for a machine that stands at its bound.
 _SURE: Final = 4.5
 _TORQUE_MAX_NM: Final = 1e12
@@ -173,7 +173,7 @@ class CalibrationWatch:
             size, sure = _size(torque, 0)
             self._weigh("moment", size, cal.moment_bound_nm, sure)
             self._weigh("friction", friction, cal.friction_bound_nm, torque.deviations[2])
-        if self._gap.count >= _EVENTS_MIN:
+        if self._gap.count >= _EVENTS:
             self._weigh("backlash", self._gap.mean, cal.backlash_bound_rad, self._gap.deviation)
         ring = self._ring.solved() if self._watches_ring else None
         if ring is not None:
