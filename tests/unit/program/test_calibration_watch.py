@@ -55,7 +55,7 @@ def torque_of(
 
 def turned(
     watch: CalibrationWatch,
-    moves: int = 3,
+    moves: int = 4,
     ring_rad: float = 0.0,
     wave_rad: float = 0.0,
     followed_rad: float = 0.0,
@@ -73,8 +73,13 @@ def turned(
         watch.rest()
 
 
-def new_watch(**changes: Any) -> CalibrationWatch:
-    return CalibrationWatch(replace(settings_of(), **changes), PERIOD_S, 1144.0, load_side=True)
+def new_watch(*, used_s: float = 0.0, **changes: Any) -> CalibrationWatch:
+    """A watch behind which there are so many seconds of motion in which nothing was left of the torque."""
+    watch = CalibrationWatch(replace(settings_of(), **changes), PERIOD_S, 1144.0, load_side=True)
+    # A sample of 0.1 s fades over 1200 s.
+    samples = 12e3 * (1.0 - math.exp(-used_s / 1200.0))
+    watch.restore({**watch.memory, "torque": [samples, *[0.0] * 10]})
+    return watch
 
 
 def test_a_machine_as_it_was_calibrated_is_left_alone() -> None:
@@ -99,7 +104,7 @@ def test_what_has_changed_is_named_with_what_was_measured(
 ) -> None:
     # The load must lie on one flank each way for an encoder to show the way between them: without a moment it does.
     flat = {"moment_sine_nm": 0.0, "flank_nm": 1e3} if name == "lost_motion" else {}
-    watch = new_watch(**flat)
+    watch = new_watch(used_s=1400.0 if name == "lost_motion" else 0.0, **flat)
     turned(watch, **more)
     assert set(watch.found) == {name}
     # 3 % for the wave on top, and the fading memory.
@@ -108,7 +113,7 @@ def test_what_has_changed_is_named_with_what_was_measured(
 
 
 def test_a_gap_that_the_laws_have_followed_is_judged_as_one_that_they_have_not() -> None:
-    flat = {"moment_sine_nm": 0.0, "flank_nm": 1e3}
+    flat = {"used_s": 1400.0, "moment_sine_nm": 0.0, "flank_nm": 1e3}
     left, followed = new_watch(**flat), new_watch(**flat)
     turned(left, ring_rad=-8e-5)
     turned(followed, followed_rad=8e-5)
@@ -354,13 +359,24 @@ def test_a_machine_whose_gears_are_stiff_is_watched_without_their_swing() -> Non
     assert watch.seen == {}, "two seconds say nothing"
 
 
-def test_forty_gaps_beyond_the_bound_are_a_finding_and_fewer_are_none() -> None:
-    watch = new_watch(backlash_bound_rad=1e-4)
-    for gaps in range(1, 41):
+def test_ten_gaps_beyond_the_bound_are_a_finding_and_nine_are_none() -> None:
+    watch = new_watch(used_s=1400.0, backlash_bound_rad=1e-4)
+    for gaps in range(1, 11):
         watch._gap.add(5e-4)
         watch.scan(0.1, 0.05, 0.0, 0.0, 0.0)
-        assert watch.rest() is (gaps == 40)
+        assert watch.rest() is (gaps == 10)
     assert watch.found["backlash"] == pytest.approx((5e-4, 1e-4))
+
+
+@pytest.mark.parametrize(("used_s", "judged"), [(1360.0, False), (1375.0, True)])
+def test_what_follows_the_temperature_of_the_gears_is_judged_after_a_day(used_s: float, judged: bool) -> None:
+    """A memory of 1200 s is 68 % full after 1200 s ln(1 / 0.32) = 1367 s: some 40 moves."""
+    watch = new_watch(used_s=used_s, backlash_bound_rad=1e-4)
+    for _ in range(30):
+        watch._gap.add(5e-4)
+    watch.scan(0.1, 0.05, 0.0, 0.0, 0.0)
+    assert watch.rest() is judged
+    assert ("backlash" in watch.seen) is judged
 
 
 def test_the_mean_of_three_gaps_is_as_sure_as_three_values_make_it() -> None:

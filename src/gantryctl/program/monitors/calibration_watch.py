@@ -19,10 +19,14 @@ _ALIKE_SWINGS: Final = 0.5
 _ALIKE_S: Final = 0.25
 # Time in motion over which what was seen fades: some 60 moves of 20 s.
 _MEMORY_S: Final = 1200.0
-# The same in changes of the flank, of which a move has about one. Before there are so many nothing is said of the gap:
-# those of one session are made at one temperature and say less than as many of a day. Ten of a cold morning showed 0.089
-# of 0.05 mm, within 0.004 of each other; with 20 one sound machine in 50 chains of ten days was still named.
+# The same in changes of the flank, of which a move has about one; fewer than the least say nothing.
 _EVENTS: Final = 40
+_EVENTS_MIN: Final = 10
+# The gap of the gears follows their temperature, 5 K are 0.095 mm: what a session shows may be its morning (0.089 of
+# 0.05 mm by ten changes, within 0.004 of each other). It is judged when so much of the memory is full, after 40 moves.
+_A_DAY: Final = 0.68
+# Two minutes of motion: a first long move, one way at one temperature, showed 3.6 kN m too many of a sound machine.
+_FIRST_MOVES: Final = 0.1
 # A finding lies so many standard deviations beyond its bound: 3.4 in a million for a machine that stands at its bound.
 _SURE: Final = 4.5
 _TORQUE_MAX_NM: Final = 1e12
@@ -170,18 +174,23 @@ class CalibrationWatch:
         if torque is not None:
             sine, cosine, friction = torque.values
             self._moment = (cal.moment_sine_nm + sine, cal.moment_cosine_nm + cosine)
+        if self._torque.filled < _FIRST_MOVES:
+            return
+        if torque is not None:
             size, sure = _size(torque, 0)
             self._weigh("moment", size, cal.moment_bound_nm, sure)
             self._weigh("friction", friction, cal.friction_bound_nm, torque.deviations[2])
-        if self._gap.count >= _EVENTS:
+        a_day = self._torque.filled > _A_DAY
+        if a_day and self._gap.count >= _EVENTS_MIN:
             self._weigh("backlash", self._gap.mean, cal.backlash_bound_rad, self._gap.deviation)
         ring = self._ring.solved() if self._watches_ring else None
         if ring is not None:
-            self._weigh(
-                "lost_motion", 2.0 * ring.values[3], cal.lost_motion_bound_rad, 2.0 * ring.deviations[3]
-            )
             size, sure = _size(ring, 1)
             self._weigh("scale", size, cal.scale_bound_rad, sure)
+            if a_day:
+                self._weigh(
+                    "lost_motion", 2.0 * ring.values[3], cal.lost_motion_bound_rad, 2.0 * ring.deviations[3]
+                )
 
     def _weigh(self, name: str, measured: float, bound: float, deviation: float) -> None:
         self.seen[name] = Finding(measured, bound)

@@ -36,6 +36,11 @@ class RunningFit:
         """What is to be retained."""
         return self._sums
 
+    @property
+    def filled(self) -> float:
+        """How full the memory is: 0 of a new one, 1 - 1/e after as many samples as it keeps, towards 1."""
+        return self._sums[0] * (1.0 - self._kept)
+
     def restore(self, sums: Sequence[float]) -> bool:
         """Go on from retained sums; those of another fit change nothing."""
         fits = len(sums) == len(self._sums) and all(map(math.isfinite, sums))
