@@ -30,7 +30,7 @@ def test_a_lost_telegram_ends_in_a_quick_stop(
     begun = len(rig.ticks)
     for number in lost:
         rig.drop_telegram(number, None if for_good else round(60.0 / scan_ms))
-    rig.run(6.0)
+    rig.run(4.0)
     assert rig.way_deg(begun - 1) < QUICK_STOP_DEG[abs(speed)]
     assert rig.stops[0] == "CAN-03", rig.told
     assert rig.axis.power.phase is PowerPhase.OFF, rig.axis.power.phase

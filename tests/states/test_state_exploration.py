@@ -1,7 +1,7 @@
 """Every state that program, operator and drive can reach together, and the invariants in each of them.
 
 Breadth first to the end, without a limit of depth: PLCopen x CiA 402 x brake x authority x interlocks x reference. The
-fast tests close five small worlds; `pytest -m slow -s tests/states` closes the large ones and prints their numbers.
+fast tests close four small worlds; `pytest -m slow -s tests/states` closes the large ones and prints their numbers.
 """
 
 from __future__ import annotations
@@ -118,6 +118,7 @@ def test_every_state_with_one_fault_at_a_time(name: str) -> None:
     assert phases <= set(found.phases)
 
 
+@pytest.mark.slow  # 15 s of a quiet processor
 def test_every_state_that_people_can_bring_about() -> None:
     found = check(explore(PEOPLE, people=True))
     assert {AxisState.STANDSTILL, AxisState.DISCRETE_MOTION, AxisState.STOPPING, AxisState.ERROR_STOP} <= set(

@@ -76,6 +76,7 @@ def test_one_encoder_step_limits_the_gain(designed):
     assert designed.proposal.gains.kvp_nm_s_per_rad <= designed.designed.kvp_max
 
 
+@pytest.mark.slow  # a tuning of its own
 def test_narrower_conditions_are_paid_with_stiffness(designed):
     narrow = by_margins(default_machine(), Conditions(sensitivity=1.5, damping_left=0.9)).gains
     assert narrow.stiffness < 0.5 * designed.proposal.gains.stiffness
