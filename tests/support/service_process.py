@@ -267,6 +267,9 @@ class Page:
     def power_up(self, mode: str = "continuous") -> None:
         """Take control and switch on."""
         self.do("take", over=False)
+        # A picture of before the reply may still be under way, and a command made from it is refused (SEC-03).
+        taken = self.tags["epoch"]
+        self.until(lambda tags: bool(tags["epoch"] == taken))
         self.do("power", on=True)
         self.until(lambda tags: bool(tags["power"]))
         self.do("mode", mode=mode)
