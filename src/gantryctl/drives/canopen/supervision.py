@@ -75,7 +75,7 @@ class Supervision:
         self._load_scans = max(2, round(_LOAD_S / period_s))
         self._load_bits = _LOAD_MAX * settings.bitrate * self._load_scans * period_s
         self._second = round(1.0 / period_s)
-        self._ask_scans = max(1, round(_ASK_S / period_s))
+        self._ask_scans = round(_ASK_S / period_s)
         self._complaint_scans = max(_OBEYED_SCANS, round(_COMPLAINT_S / period_s))
         self._told_scans = round(_TOLD_S / period_s)
         self._remote_bit = settings.remote_bit

@@ -8,6 +8,7 @@ import can
 import pytest
 
 from bus.bus_rig import BusRig, bus_machine
+from gantryctl.drives.canopen.bus.link import Frame
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.setup.opening import parameter_rows
 from gantryctl.drives.od.verdicts import ParameterVerdict
@@ -382,6 +383,20 @@ def test_another_master_is_noticed() -> None:
     bench = Bench().open().enable()
     bench.event("frame", can_id=0x202, data="0F00E8030000")
     assert bench.scan().link & LinkFlag.OTHER_MASTER
+
+
+def test_what_was_on_the_bus_before_the_first_command_is_no_failure_of_the_run() -> None:
+    """Tools that read the drive, its boot-up, and heartbeats that nobody heard: the set-up has judged them."""
+    bench = Bench().open()
+    for can_id, data in ((0x080, b""), (0x000, bytes((0x01, 2))), (0x702, b"\x00"), (0x702, b"\x05")):
+        bench.drive.node.dispatch(Frame(can_id, data))
+    bench.drive.node.heartbeat_age = 1000
+    for _ in range(3):
+        assert bench.drive.look().link == LinkFlag.NONE
+    seen = bench.scan(DriveRequest.DISABLE)
+    assert (seen.link, seen.foreign_id) == (LinkFlag.NONE, -1)
+    assert bench.run(0.4).link == LinkFlag.NONE
+    bench.drive.close()
 
 
 # --- silence ------------------------------------------------------------------------------------------------------

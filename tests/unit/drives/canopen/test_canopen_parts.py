@@ -144,6 +144,15 @@ def test_any_range_of_any_drive_is_followed_near_raw_0(span: int, counted: str, 
         assert unwrap(COUNTED[counted](middle + true, span)) == start + true
 
 
+@pytest.mark.parametrize("span", [4096, 3000 * 1_000_000])
+def test_a_range_around_0_ends_at_its_halves(span: int) -> None:
+    """One step up from the last reading is the first one, and back."""
+    unwrap, half = Unwrap(span, around_zero=True), span // 2
+    assert [unwrap(raw) for raw in (half - 1, -half, -half + 2, half - 1)] == [
+        span - 1, span, span + 2, span - 1,
+    ]  # fmt: skip
+
+
 def test_the_first_reading_lies_within_the_range() -> None:
     assert Unwrap(4096 * 10_000, around_zero=True)(-5) == 4096 * 5_000 - 5
     assert Unwrap(1 << 31)(-5) == (1 << 31) - 5

@@ -83,6 +83,16 @@ def test_the_next_run_begins_with_torque_against_the_closed_brake() -> None:
     assert brake.word(0x0F, S.SWITCHED_ON, ON, False) == 0x0F
 
 
+@pytest.mark.parametrize("before", S)
+def test_a_drive_that_shows_enabled_too_late_loses_its_torque_at_once(before: DriveState) -> None:
+    """The program gave up meanwhile: nothing was released, so there is nothing to close in order."""
+    brake = BrakeControl(settings(brake_owner="drive"))
+    brake.word(0x0F, before, ON, False)
+    assert [brake.word(0x00, ENABLED, R.DISABLE, False) for _ in range(3)] == [0x00] * 3
+    # The same for one that is asked for its torque against the closed brake, however long.
+    assert [brake.word(0x0F, ENABLED, ON, False) for _ in range(3)] == [0x0F] * 3
+
+
 def test_a_quick_stop_is_no_disable_operation() -> None:
     brake = BrakeControl(settings(brake_owner="drive"))
     brake.word(0x0F, ENABLED, ON, True)
@@ -97,11 +107,13 @@ def test_a_quick_stop_is_no_disable_operation() -> None:
 class Stop:
     """A drive that has left OPERATIONAL, scan by scan; its answers are those of the test."""
 
-    def __init__(self, owner: str = "drive", state: NmtState = NmtState.PRE_OPERATIONAL) -> None:
+    def __init__(
+        self, owner: str = "drive", state: NmtState = NmtState.PRE_OPERATIONAL, period_s: float = 0.004
+    ) -> None:
         self.wire, self.asked = Wire(), Asked()
         self.node = remote_node(self.wire)
         self.node.state = state
-        self.stop = StopBySdo(self.node, self.asked, settings(brake_owner=owner))  # type: ignore[arg-type]
+        self.stop = StopBySdo(self.node, self.asked, settings(brake_owner=owner, period_s=period_s))  # type: ignore[arg-type]
 
     def scan(self, word: int, brake: int = 1, *, scans: int = 1, answers: bool = True) -> None:
         for _ in range(scans):
@@ -172,6 +184,11 @@ def test_a_request_has_20_ms_to_be_answered_before_the_next_one() -> None:
         drive.scan(0x00, answers=False)
         counts.append(len(drive.asked.writes))
     assert counts == [1] * 4 + [2] * 5 + [3] * 3
+    # Scans of 40 ms are longer than that.
+    drive = Stop(period_s=0.040)
+    drive.asked.waiting = True
+    drive.scan(0x00, scans=5, answers=False)
+    assert len(drive.asked.writes) == 5
 
 
 @pytest.mark.parametrize("word", [0x06, 0x07, 0x0F, 0x80])
@@ -219,6 +236,9 @@ def test_only_a_state_without_torque_is_shown(word: str, state: DriveState) -> N
     assert drive.stop.state is S.UNKNOWN
     drive.asked.then(bytes.fromhex(word))
     assert drive.stop.state is state
+    # What it has shown does not count for the next time.
+    drive.stop.forget()
+    assert drive.stop.state is S.UNKNOWN
 
 
 # --- nodes beside the drive ---------------------------------------------------------------------------------------

@@ -234,6 +234,11 @@ def test_the_telegram_of_the_ring_is_position_and_alarms() -> None:
     assert (telegram.number, telegram.size) == (0, 6)
 
 
+def test_an_encoder_need_not_watch_the_controller() -> None:
+    """1016: it does nothing that would have to stop with it."""
+    assert not any(row.needed for row in ring(1 << 20, 1).node._objects)
+
+
 def test_an_encoder_with_less_than_a_turn_is_refused() -> None:
     with pytest.raises(DeviceError, match="the encoder has 1048575 steps"):
         ring((1 << 20) - 1, 1)

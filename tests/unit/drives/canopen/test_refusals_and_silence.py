@@ -301,7 +301,7 @@ def test_echoes_are_forgotten_before_they_fill_the_memory_and_by_a_take_over() -
     assert [link.receive(0.0) for _ in range(2)] == [Frame(0x202, b"\xff\xff"), None]
     assert link.unseen == 0
     link.send(0x202, b"\1")
-    bus.given = [message(0x202, b"\1")]
+    bus.given = [message(0x202, b"\1"), message(0x182), message(0x701)]
     link.take_over()
     assert not bus.given
     bus.given = [message(0x202, b"\1")]

@@ -21,14 +21,14 @@ ENABLED, ON = S.OPERATION_ENABLED, R.ENABLE
 class Watched:
     """Supervision of a drive in Operation enabled, with fake telegrams."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = 0.004) -> None:
         self.wire, self.asked = Wire(), Asked()
         self.node = remote_node(self.wire)
         self.node.emergencies = EmergencyLog()
         self.process = SimpleNamespace(
             age=0, inputs_age=0, wrong_lengths=0, contradicted=0, congested=False, crowded=False
         )
-        self.watch = Supervision(self.node, self.process, self.asked, settings())  # type: ignore[arg-type]
+        self.watch = Supervision(self.node, self.process, self.asked, settings(period_s=period_s))  # type: ignore[arg-type]
         self.now = 0
 
     def scan(self, state: DriveState = ENABLED, status: int = 0x1237, request: DriveRequest = ON) -> LinkFlag:
@@ -213,6 +213,28 @@ def test_three_wrong_lengths_are_no_mutilated_frame(lengths: int, told: bool) ->
     drive = Watched()
     drive.process.age = drive.process.wrong_lengths = lengths
     assert bool(drive.scan() & LinkFlag.WRONG_LENGTH) is told
+
+
+def test_scans_of_40_ms_have_some_scans_for_each_time() -> None:
+    """Three for a SYNC that is not seen and for a complaint, two for the load and for a question."""
+    drive = Watched(0.040)
+    asked = []
+    for _ in range(8):
+        drive.scan()
+        drive.watch.ask(True)
+        asked.append(len(drive.asked.reads))
+    assert asked == [1, 1, 2, 2, 3, 3, 4, 4]
+    drive.node.emergencies.take(bytes.fromhex("10 23 02"), 1)
+    assert [drive.scan() for _ in range(5)] == [LinkFlag.NONE] * 3 + [LinkFlag.EMERGENCY] * 2
+    drive, seen = Watched(0.040), []
+    for scan in range(1, 8):
+        # 40 000 bits in a scan: all of it in one of two, and then in both.
+        drive.wire.traffic.bits += 40_000 * (scan in (2, 4, 5))
+        seen.append(drive.scan())
+    assert [k for k, flag in enumerate(seen, 1) if flag & LinkFlag.OVERLOADED] == [5, 6]
+    for unseen, told in ((3, False), (4, True)):
+        drive.wire.unseen = unseen
+        assert bool(drive.scan() & LinkFlag.SYNC_UNSEEN) is told
 
 
 @pytest.mark.parametrize(("unseen", "told"), [(8, False), (9, True)])
