@@ -143,6 +143,18 @@ def test_who_only_looks_sees_which_telegram_is_late() -> None:
     bench.drive.close()
 
 
+@pytest.mark.parametrize(("stepped", "waited"), [(True, [0.1]), (False, [])])
+def test_only_a_drive_that_is_stepped_is_waited_for_in_a_look(stepped: bool, waited: list[float]) -> None:
+    """By its SDO answer: a real one goes on by itself, and a look must not take longer than its scan."""
+    bench, found = Bench().open(), list[float]()
+    bench.drive.requests.wait = found.append  # type: ignore[assignment, method-assign]
+    bench.link.stepped = stepped
+    bench.drive.look()
+    assert found == waited
+    bench.link.stepped = True
+    bench.drive.close()
+
+
 @pytest.mark.parametrize(
     ("follows_bit", "shown"),
     [
