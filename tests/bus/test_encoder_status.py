@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from bus.bus_rig import FEEDBACK_DEG, BusRig, bus_machine
+from bus.bus_rig import FEEDBACK_DEG, BusRig, bus_machine, few_at_1_ms
 from gantryctl.image import EncoderFlag
 from gantryctl.program import AxisState
 
 pytestmark = pytest.mark.can
 
+ROWS = [
+    (speed, owner, scan_ms)
+    for speed in (6.0, -3.0, 1.0)
+    for owner, scan_ms in (("drive", 1.0), ("object_60FE", 4.0), ("drive", 10.0))
+]
 
-@pytest.mark.parametrize(("owner", "scan_ms"), [("drive", 1.0), ("object_60FE", 4.0), ("drive", 10.0)])
-@pytest.mark.parametrize("speed", [6.0, -3.0, 1.0])
-def test_an_alarm_of_the_encoder_takes_the_torque_off(owner: str, scan_ms: float, speed: float) -> None:
+
+@pytest.mark.parametrize(("speed", "owner", "scan_ms"), few_at_1_ms(ROWS))
+def test_an_alarm_of_the_encoder_takes_the_torque_off(speed: float, owner: str, scan_ms: float) -> None:
     rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)
     begun = len(rig.ticks)
     rig.inject("encoder_flags", value=int(EncoderFlag.ALARM))

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from bus.bus_rig import NOMINAL_M, TORQUE_OFF_DEG, BusRig, bus_machine
+from bus.bus_rig import NOMINAL_M, TORQUE_OFF_DEG, BusRig, bus_machine, few_at_1_ms
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.program import PowerPhase
 
@@ -21,7 +21,7 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize(("speed", "command", "seen", "owner", "scan_ms"), ROWS)
+@pytest.mark.parametrize(("speed", "command", "seen", "owner", "scan_ms"), few_at_1_ms(ROWS))
 def test_a_drive_taken_out_of_operation_stops_at_once(
     speed: float, command: int, seen: bool, owner: str, scan_ms: float
 ) -> None:

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from bus.bus_rig import FEEDBACK_DEG, NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine
+from bus.bus_rig import FEEDBACK_DEG, NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine, few_at_1_ms
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.program import AxisState, PowerPhase
 
@@ -21,7 +21,7 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize(("speed", "lost", "for_good", "owner", "scan_ms"), ROWS)
+@pytest.mark.parametrize(("speed", "lost", "for_good", "owner", "scan_ms"), few_at_1_ms(ROWS))
 def test_a_lost_telegram_ends_in_a_quick_stop(
     speed: float, lost: tuple[int, ...], for_good: bool, owner: str, scan_ms: float
 ) -> None:

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from bus.bus_rig import CHECK_M, NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine
+from bus.bus_rig import CHECK_M, NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine, few_at_1_ms
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.program import AxisState, PowerPhase
 
@@ -24,7 +24,9 @@ STOPS = [
 ]
 
 
-@pytest.mark.parametrize(("speed", "eccentricity_m", "angle", "owner", "contact", "scan_ms"), STOPS)
+@pytest.mark.parametrize(
+    ("speed", "eccentricity_m", "angle", "owner", "contact", "scan_ms"), few_at_1_ms(STOPS)
+)
 def test_a_quick_stop_ends_in_order(
     speed: float, eccentricity_m: float, angle: float, owner: str, contact: bool, scan_ms: float
 ) -> None:
