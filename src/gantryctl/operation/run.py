@@ -289,7 +289,6 @@ class AxisRun:
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> MotionReport:
         """Make one increment in the incremental mode."""
         self._check_speed(speed_deg_s)
-        self.power_up()
         # Mode and key in two scans: a key that is down when the mode changes moves nothing.
         self._scans.command(mode=Mode.INCREMENTAL)
         self.engine.step()

@@ -66,6 +66,19 @@ def test_the_end_of_a_page_lets_its_own_key_go_and_no_other() -> None:
     assert not bench.operator.levels.forward
 
 
+def test_who_takes_control_over_lets_go_the_key_that_is_held_at_the_end_of_travel() -> None:
+    """The axis stands there with its key held: nothing else ends the key before its lease."""
+    bench = Bench(machine=with_values(MACHINE, {"axis.pos_max_deg": 0.1}))
+    bench.powered(bench.who())
+    bench.do(bench.who(), "jog", lease=LEASE, direction="forward")
+    bench.hold(1.5)
+    assert bench.axis.at_rest
+    assert bench.operator.levels.forward
+    bench.send(bench.who(client="other"), "take", over=True)
+    bench.scans(1)
+    assert not bench.operator.levels.forward
+
+
 def test_what_service_may_reset_nobody_resets_after_it() -> None:
     bench = Bench()
     service, operator = bench.who(Role.SERVICE), bench.who()

@@ -122,8 +122,6 @@ class ServiceOperator:
         self._acting, self._gap = None, True
         kind, axis = acting.message.kind, self.program.axis
         self._set(move=False, halt=False, reset=False, brake_test=False)
-        if kind == "increment":
-            self._set(forward=False, reverse=False)
         reason = axis.refusal if axis.refusal_count > self._refusals else None
         if reason is None:
             # A reset that was carried out ends the epoch: what was sent under the alarm was meant for another state.
@@ -360,15 +358,14 @@ class ServiceOperator:
         refused = self.authority.take(who, over, self.program.axis.at_rest, now_s)
         if refused is not None:
             raise MessageRefused(refused.code, **refused.values)
+        if self.hold.client != who.client:
+            self.hold.end()
         self._set(remote=who.remote)
 
     def _end_connection(self, gone: Gone) -> None:
         client = gone.end(self.arming, self.authority.holder)
-        if client is None:
-            return
-        if self.hold.client == client:
-            self.hold.end()
-        self._free(client, "has gone")
+        if client is not None:
+            self._free(client, "has gone")
 
     def _free(self, client: str, why: str) -> None:
         holder = self.authority.holder
