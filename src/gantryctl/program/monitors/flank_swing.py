@@ -24,7 +24,7 @@ class FlankSwing:
     """
 
     __slots__ = (
-        "_acc", "_before", "_count", "_flank", "_inertia", "_inverse", "_jerk", "_left", "_sample_s", "_shape",
+        "_acc", "_before", "_count", "_flank", "_inertia", "_inverse", "_jerk", "_sample_s", "_shape",
         "_size", "_sums", "_torque", "_windup",
     )  # fmt: skip
 
