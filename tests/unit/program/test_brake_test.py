@@ -55,6 +55,29 @@ def test_the_brake_bears_the_level_around_the_torque_that_holds_the_load():
     assert min(rig.torques) == pytest.approx(HOLDING_NM - LEVEL_NM, abs=1.0)
 
 
+def test_the_torque_that_holds_the_load_is_taken_off_in_three_steps_at_the_end():
+    """The first test of a controller: no power-up before it has fixed a preload."""
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.DISABLING)
+    first = len(rig.torques)
+    rig.finish()
+    steps = list(dict.fromkeys(round(torque_nm, 1) for torque_nm in rig.torques[first:]))
+    # What is left of the regulator is less than 0.2 N m, and goes with the drive.
+    assert steps == pytest.approx([8.0, 4.0, 0.0, 0.0], abs=0.2)
+
+
+def test_a_second_test_of_the_block_is_busy_until_its_own_end():
+    rig = TestRig()
+    for _ in range(2):
+        rig.begin()
+        rig.step()
+        assert rig.program.brake_test.busy
+        assert not rig.program.brake_test.done
+        rig.finish()
+        assert rig.result.outcome is PASSED
+
+
 def test_each_way_is_held_for_two_seconds():
     rig = TestRig()
     rig.begin()

@@ -190,6 +190,18 @@ def test_the_first_verdict_stays_but_for_a_brake_that_slips_afterwards():
     assert motor.test.finish().outcome is BrakeTestOutcome.ABORTED, "what was not tested has not failed"
 
 
+def test_scans_that_are_missed_count_in_the_mean_with_their_time():
+    """The first reading of the hold comes four scans late: 65 N m all the time are a mean of 65."""
+    motor = Motor()
+    motor.to(P.PLUS_HELD)
+    held_nm = HOLD_NM + LEVEL_NM
+    motor.test.scan(held_nm, 0.0, 5)
+    assert motor.test.plus_nm == approx(LEVEL_NM)
+    # 5 ms of 65 N m and 15 of 45.
+    motor.test.scan(held_nm - 20.0, 0.0, 15)
+    assert motor.test.plus_nm == approx(50.0)
+
+
 def test_a_test_knows_nothing_of_the_one_before():
     """The first one ends with 130 N m of correction, and half a degree on."""
     motor = Motor()

@@ -212,6 +212,10 @@ def test_the_current_direction_is_that_of_the_last_motion():
     table.absolute(300.0, NEGATIVE)
     table.absolute(310.0, Direction.CURRENT)
     assert float(table.true_deg) == pytest.approx(310.0 - 360.0, abs=ARRIVED_DEG)
+    table.absolute(300.0, Direction.CURRENT)  # on, 10 deg back
+    assert float(table.true_deg) == pytest.approx(300.0 - 360.0, abs=ARRIVED_DEG)
+    # What is kept of the plans is the set-point of the turn that is counted now.
+    assert table.axis.virtual.plans[-1][1].pos_end == table.axis.virtual.pos_ref_rad
 
 
 def test_a_direction_is_kept_while_it_moves():

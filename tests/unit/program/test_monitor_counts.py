@@ -69,6 +69,18 @@ def test_the_time_of_a_monitor_to_the_scan(name: str, period_s: float, direction
     assert scans == max(2, math.ceil(time_s / period_s - 1e-9))
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "back"])
+def test_an_axis_that_never_came_into_its_window_has_not_left_it(direction: float) -> None:
+    """0.025 deg off from the start of the move on: outside the windows of arrival and of standstill, 0.02 deg."""
+    rig = Rig()
+    rig.power_up()
+    error_seen(0.025)(rig, direction)
+    rig.move(direction * 1.0, 3.0)
+    rig.run(8.0)
+    assert "CTL-11" in rig.codes
+    assert "CTL-13" not in rig.codes
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["plus", "minus"])
 @pytest.mark.parametrize(("beyond_deg", "stops"), [(-0.05, False), (0.05, True)])
 def test_over_travel_at_either_end(direction: float, beyond_deg: float, stops: bool) -> None:

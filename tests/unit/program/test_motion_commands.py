@@ -288,3 +288,36 @@ def test_a_motion_that_override_0_holds_back_is_judged_again_before_it_goes_on()
     assert rig.axis.set_override(1.0) is None
     rig.run(0.5)
     assert abs(rig.vel_deg_s) > 1.0
+
+
+def test_a_stop_at_standstill_begins_no_stop_and_moves_no_end_of_the_last_motion():
+    rig = powered()
+    rig.move(1.0)
+    rig.run(4.0)
+    end_s = rig.axis.plan_end_s
+    rig.op(halt=True)
+    assert not rig.axis.virtual.stopping
+    assert rig.axis.plan_end_s == end_s
+
+
+@pytest.mark.parametrize(("override", "moves"), [(0.0011, True), (0.0009, False)])
+def test_an_override_below_a_thousandth_holds_the_motion_back(override, moves):
+    rig = powered()
+    rig.op(override=override)
+    rig.move(1.0)
+    rig.run(0.1)
+    assert (rig.ref_deg > 0.0) is moves
+    assert rig.axis.paused is not moves
+
+
+def test_an_alarm_takes_the_place_of_power_that_is_going_off():
+    rig = powered()
+    rig.move(50.0)
+    rig.run(2.0)
+    rig.op(power=False)
+    assert rig.axis.motion.switching_off
+    rig.axis.alarms.raise_(Code.CTL_03)
+    rig.step()
+    assert not rig.axis.motion.switching_off
+    rig.run(3.0)
+    assert rig.axis.is_off

@@ -322,7 +322,7 @@ def test_an_encoder_whose_alarm_has_gone_is_reset_by_service_while_another_keeps
 def test_a_drive_has_a_second_to_clear_its_fault(period_s):
     parts, stand_in, reset = recovery(period_s)
     parts.feedback.state = DriveState.FAULT
-    assert not reset.finished(), "nobody has asked"
+    assert reset.finished() is False, "nobody has asked"
     assert reset.request(service=False) is None
     assert stand_in.fault_reset
     seconds = parts.after(reset.finished, lambda: not reset.resetting, 2.0)

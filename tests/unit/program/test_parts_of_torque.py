@@ -178,6 +178,26 @@ def test_a_shaft_that_is_pushed_for_10_ms_and_stands_is_held(period_s, way, comm
 
 
 @BOTH
+@pytest.mark.parametrize("between", ["sound", "off its command"])
+def test_a_shaft_that_is_pushed_twice_for_nine_scans_is_not_held(way, between):
+    """The 10 ms begin anew after one scan in which nothing is wrong, or only the speed."""
+    parts = Parts()
+    watch = watched(parts)
+    for _ in range(2):
+        parts.turn(0.0)
+        parts.feedback.torque_nm = way * 70.0
+        for _ in range(9):
+            watch.scan(rad(-way * 0.03), 0.0)
+        parts.feedback.torque_nm = 0.0
+        parts.turn(way * 2.0)
+        watch.scan(0.0 if between == "sound" else rad(-way * 0.06), 0.0)
+    assert parts.codes == []
+    parts.turn(0.0)
+    parts.feedback.torque_nm = way * 70.0
+    assert parts.after(lambda: watch.scan(rad(-way * 0.03), 0.0)) == approx(0.010)
+
+
+@BOTH
 def test_a_shaft_that_is_held_behind_a_contact_that_says_closed_names_the_brake(way):
     parts = Parts()
     watch = watched(parts)

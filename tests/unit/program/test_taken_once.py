@@ -412,3 +412,19 @@ def test_an_order_is_taken_in_the_scan_in_which_it_comes(name):
     rig.run(0.2)
     rig.op(halt=True)
     assert rig.axis.virtual.stopping
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_a_move_that_was_refused_is_judged_again_only_with_a_new_edge(way):
+    """7 deg/s is above the setting range; a speed that is possible comes while the level stays."""
+    rig = powered()
+    rig.op(move=True, target_rad=way * rad(5.0), speed_rad_s=rad(7.0))
+    assert rig.axis.refusal_count == 1
+    rig.op(speed_rad_s=rad(6.5))
+    assert rig.axis.refusal_count == 1
+    rig.op(speed_rad_s=rad(3.0))
+    rig.run(0.1)
+    assert rig.axis.motion.current is None
+    rig.op(move=False)
+    rig.op(move=True)
+    assert rig.axis.motion.current is not None

@@ -220,7 +220,6 @@ class MotionCommands:
             if command is not None and command.alive:
                 command.fail(reason)
         self.current = self.waiting = self.buffered = self.stop_command = None
-        self._stop_execute = False
 
     def drop_waiting(self) -> None:
         """Forget what waits: for the brake, or for the end of the motion before."""

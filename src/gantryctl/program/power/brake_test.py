@@ -130,7 +130,7 @@ class BrakeTest:
         self.level_nm, self.moved_max_rad = level_nm, moved_max_rad
         self._torque_max_nm, self._period_s = torque_max_nm, period_s
         self.last: BrakeTestResult | None = None
-        self.count = 0
+        self.count, self._mean = 0, 0.0
         self.prepare(0.0)
         self.phase = BrakeTestPhase.IDLE
 
@@ -218,14 +218,14 @@ class BrakeTest:
         if self.phase in _RISING:
             self._rising(given)
         elif self.phase in _HELD:
-            self._holding(given)
+            self._holding(given, periods)
         else:
             self._relieving(given)
         return self._regulated(given)
 
     def _enter(self, phase: BrakeTestPhase) -> None:
         self.phase = phase
-        self._scans, self._mean = 0, 0.0
+        self._scans = 0
 
     def _watch(self, given_nm: float, moved_rad: float) -> None:
         """End the test at once on an invalid reading or a brake that slips."""
@@ -246,9 +246,9 @@ class BrakeTest:
         elif over_s > _GIVE_S:
             self._fail(Words.TEST_NOT_REACHED(given=given_nm, wanted=sign * self.level_nm))
 
-    def _holding(self, given_nm: float) -> None:
+    def _holding(self, given_nm: float, periods: float) -> None:
         """Average over the time that the torque must be held."""
-        self._mean += (given_nm - self._mean) / self._scans
+        self._mean += (given_nm - self._mean) * periods / self._scans
         plus = self.phase is BrakeTestPhase.PLUS_HELD
         if plus:
             self.plus_nm = self._mean
