@@ -12,7 +12,7 @@ import pytest
 from gantryctl.image import DriveRequest
 from gantryctl.program import Code, PowerPhase
 from gantryctl.program.alarms.words import Words
-from gantryctl.units import rad
+from gantryctl.units import deg, rad
 from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig, machine_at
 
 SPEEDS = (6.0, 3.0, 1.0)
@@ -145,6 +145,29 @@ def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: 
     assert rig.axis.feedback.position_valid
     assert rig.first_alarm is not None
     assert "axis moved" in rig.first_alarm.text
+
+
+@pytest.mark.parametrize("frozen", [True, False])
+@AT_EVERY_SCAN_MS
+def test_an_encoder_that_freezes_while_nothing_holds_a_slow_axis_is_told_as_the_brake_has_it(
+    scan_ms: float, frozen: bool
+) -> None:
+    """At 0.2 deg/s friction might stop the shaft. The load drives it on here until the late brake has it: 0.03 deg."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), -50.0)
+    rig.power_up(0.5)
+    rig.say(move=True, target_rad=rad(-20.0), speed_rad_s=rad(3.0))
+    rig.until(lambda: rig.motor_deg_s > 0.17)
+    rig.faults.estop_ok, rig.faults.brake_close_slow_s = False, 0.045
+    rig.run(0.052)
+    rig.faults.encoder_gain = 0.0 if frozen else 1.0
+    told_deg = deg(rig.axis.pos_act_rad)
+    rig.until(lambda: rig.phase is PowerPhase.OFF)
+    assert rig.axis.feedback.in_doubt is frozen, rig.texts
+    assert (Code.ENC_02 in rig.axis.alarms.active) is frozen
+    assert rig.first_alarm is not None
+    assert (Words.ANGLE_UNKNOWN in rig.first_alarm.steps) is frozen
+    if frozen:
+        assert abs(rig.motor_deg - told_deg) > 0.03
 
 
 def test_an_emergency_stop_with_a_doubtful_reading_tells_no_angle() -> None:

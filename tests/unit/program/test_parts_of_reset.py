@@ -145,6 +145,44 @@ def test_where_it_came_to_rest_is_told_only_of_an_angle_that_was_known_all_the_t
 
 @PERIODS
 @pytest.mark.parametrize(
+    ("changed", "doubted"),
+    [
+        ({}, True),
+        ({"closed_s": 0.04}, False),  # a contact may be so late
+        ({"off_s": 0.06}, False),  # until then torque held the shaft
+        ({"counts_end": 1.0}, False),  # it moves as the load swings on
+        ({"slow_s": 0.05}, False),  # friction may have stopped it
+        ({"reaction": Reaction.QUICK_STOP}, False),
+        ({"unheard": True}, False),  # nobody knows since when the brake is closed
+    ],
+)
+def test_a_reading_that_stands_at_once_long_before_the_brake_closes_is_frozen(period_s, changed, doubted):
+    at = {
+        "closed_s": 0.1,
+        "off_s": 0.0,
+        "counts_end": 0.0,
+        "slow_s": 0.0,
+        "reaction": Reaction.TORQUE_OFF,
+    } | changed
+    stop = Stop(at["reaction"], period_s, before={"brake_open": True})
+    feedback, end = stop.parts.feedback, round(0.4 / period_s)
+    for scan in range(1, end + 1):
+        time_s = (scan - 1) * period_s
+        feedback.counts = 5000.0 + (min(time_s, at["slow_s"]) if scan < end else at["counts_end"])
+        feedback.brake_contact = not (at.get("unheard") and scan == 1)
+        stop.scan(
+            scan,
+            over=scan == end,
+            state=ON if time_s < at["off_s"] else OFF,
+            brake_open=time_s < at["closed_s"],
+            deg_s=0.3 if scan == 1 else 0.0,
+        )
+    assert feedback.in_doubt is doubted
+    assert (W.ANGLE_UNKNOWN in stop.steps) is doubted
+
+
+@PERIODS
+@pytest.mark.parametrize(
     ("reaction", "state", "told_s"),
     [(Reaction.QUICK_STOP, ON, 4.0), (Reaction.QUICK_STOP, OFF, 4.0), (Reaction.TORQUE_OFF, ON, 0.5),
      (Reaction.TORQUE_OFF, OFF, 2.0), (Reaction.HOLD, ON, math.inf)],
