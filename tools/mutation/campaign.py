@@ -82,12 +82,6 @@ class Worker:
         except NotPatched:
             return fresh_run(self.tree, tests, cpu_s)
 
-    def confirm(self, change: Change, budget_s: float) -> tuple[Fate, str]:
-        """A survivor once more, all in a fresh process: what a test does while it is collected counts there."""
-        tests = list(self._selection.within(self._named(self._chosen[change.name]), budget_s))
-        with self.tree.changed(change):
-            return fresh_run(self.tree, tests, 20.0 + 2.0 * budget_s) if tests else (Fate.UNCOVERED, "")
-
 
 def _is_below(test: str, place: str) -> bool:
     return test == place or test.startswith((f"{place}::", f"{place}[", f"{place.rstrip('/')}/"))

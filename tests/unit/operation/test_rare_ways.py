@@ -292,18 +292,6 @@ def test_only_a_run_that_is_paced_by_the_clock_asks_for_its_time(
     assert held == (["begun", "ended"] if paced else [])
 
 
-def test_an_alarm_that_ends_motions_ends_the_command() -> None:
-    run = AxisRun(IDEAL)
-    run.power_up()
-    run.begin_move(50.0, 6.0)
-    run.follow(0.5)
-    run.axis.alarms.raise_(Code.INT_07, measured="a test")
-    with pytest.raises(AlarmStop, match="INT-07"):
-        run.follow(3.0)
-    assert not run.axis.is_off, "power stays on"
-    run.close("stopped")
-
-
 def test_work_beside_the_scan_ends_with_its_result_or_with_the_operator() -> None:
     run = AxisRun(IDEAL, real_time=True)
     run.power_up()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -205,14 +206,22 @@ def test_a_move_of_minutes_is_waited_for() -> None:
     run.close("done")
 
 
-def test_a_halt_that_an_alarm_overtakes_is_told_as_that() -> None:
+@pytest.mark.parametrize(
+    ("code", "command", "off"),
+    [(Code.CTL_02, AxisRun.halt, True), (Code.INT_07, lambda run: run.follow(3.0), False)],
+)
+def test_an_alarm_that_overtakes_a_command_ends_it(
+    code: Code, command: Callable[[AxisRun], object], off: bool
+) -> None:
+    """A halt ends by torque off, a move by the end of motions alone."""
     run = AxisRun(IDEAL)
     run.power_up()
     run.begin_move(50.0, 6.0)
     run.follow(0.5)
-    run.axis.alarms.raise_(Code.CTL_02, measured="a test")
-    with pytest.raises(AlarmStop, match="CTL-02"):
-        run.halt()
+    run.axis.alarms.raise_(code, measured="a test")
+    with pytest.raises(AlarmStop, match=code):
+        command(run)
+    assert run.axis.is_off is off
     assert run.engine.time_s < 10.0, "nothing else is waited for"
     run.close("stopped")
 

@@ -2,7 +2,7 @@
 
 from gantryctl.program import PowerPhase
 from gantryctl.units import rad
-from unit.program.rig import RATIO
+from unit.program.rig import RATIO, Rig, settings
 
 P = PowerPhase
 
@@ -27,3 +27,15 @@ def slip(rig, degrees):
         rig.drive.vel_rad_s = rad(degrees / steps) * RATIO / rig.period_s
         rig.step()
         rig.drive.vel_rad_s = 0.0
+
+
+def held_again():
+    """A brake has slipped by 0.021 deg on the way down, and the torque of 12 N m has come back."""
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING)
+    slip(rig, 0.021)
+    rig.run(0.02)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    return rig

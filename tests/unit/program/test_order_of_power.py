@@ -9,7 +9,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, Proof
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, in_scans
-from unit.program.power_steps import P, slip
+from unit.program.power_steps import P, held_again, slip
 from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
 
 approx = pytest.approx
@@ -378,13 +378,7 @@ def test_a_drive_that_does_not_give_the_torque_back_is_told_and_the_brake_is_all
 
 
 def test_a_drive_that_leaves_hold_is_not_asked_again():
-    rig = Rig(config=settings(holding_torque_nm=12.0))
-    rig.power_up()
-    rig.op(power=False)
-    rig.until(lambda: rig.axis.power.phase is P.UNLOADING)
-    slip(rig, 0.021)
-    rig.run(0.05)
-    assert rig.axis.power.phase is P.TORQUE_HOLD
+    rig = held_again()
     rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCH_ON_DISABLED)
     rig.run(0.01)
     assert "DRV-04" in rig.codes

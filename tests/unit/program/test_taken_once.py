@@ -10,7 +10,7 @@ from gantryctl.program.axis.command_checks import check_speed
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, in_scans
-from unit.program.power_steps import P, slip
+from unit.program.power_steps import P, held_again, slip
 from unit.program.rig import Rig, moving_rig, powered, press, settings
 
 approx = pytest.approx
@@ -301,13 +301,7 @@ def test_a_position_is_set_of_a_shaft_that_turns_no_faster_than_a_tenth_of_a_deg
 
 @pytest.mark.parametrize("reaction", [Reaction.QUICK_STOP, Reaction.HOLD, Reaction.TORQUE_OFF])
 def test_torque_that_holds_a_load_yields_to_torque_off_alone(reaction):
-    rig = Rig(config=settings(holding_torque_nm=12.0))
-    rig.power_up()
-    rig.op(power=False)
-    rig.until(lambda: rig.axis.power.phase is P.UNLOADING)
-    slip(rig, 0.021)
-    rig.run(0.02)
-    assert rig.axis.power.phase is P.TORQUE_HOLD
+    rig = held_again()
     rig.axis.alarms.raise_(Code.BRK_03 if reaction is Reaction.HOLD else Code.CTL_06, reaction, **LOAD)
     rig.run(0.02)
     off = reaction is Reaction.TORQUE_OFF
