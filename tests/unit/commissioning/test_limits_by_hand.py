@@ -9,13 +9,17 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import steps_motion, steps_sign
+from gantryctl.commissioning import open_loop_axis, steps_lacks, steps_motion, steps_sign
+from gantryctl.commissioning.pictures import MotionSample
+from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.commissioning.stopping import steps_silence
-from gantryctl.commissioning.stopping.quick_stop import QuickStop
+from gantryctl.commissioning.stopping.quick_stop import QuickStop, measure_quick_stop, permitted_way_deg
+from gantryctl.commissioning.stopping.silence import SilentDrive, Way
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import with_values
-from unit.commissioning.hand_drive import MACHINE, context
+from unit.commissioning.hand_drive import MACHINE, context, enabled
 
 pytestmark = pytest.mark.can
 
@@ -61,6 +65,96 @@ def test_a_drive_without_such_a_limit_goes_on_and_a_silent_one_does_not() -> Non
     assert lowered(Rounding(0, refused=0x0601_0002)) == {}
     with pytest.raises(SdoError, match="no answer"):
         lowered(Rounding(0, refused=0x0504_0000))
+
+
+def shown(speed_deg_s: float) -> Any:
+    """An axis with this speed that says why it is stopped."""
+
+    def stop_for(why: str) -> None:
+        raise AlarmStop(why)
+
+    return SimpleNamespace(speed_deg_s=speed_deg_s, stop_for=stop_for)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_pulse_may_have_its_speed_and_no_more(way: float) -> None:
+    """0.2 deg/s to the last bit; a speed that is not known is no speed."""
+    steps_sign._hold_back(shown(way * 0.2), 0.03)
+    for speed in (math.nextafter(0.2, 1.0), math.nan):
+        with pytest.raises(AlarmStop, match=r"at most 0\.030 deg/s are commanded"):
+            steps_sign._hold_back(shown(way * speed), 0.03)
+
+
+@pytest.mark.parametrize("more", [0.0, 1e-9])
+@pytest.mark.parametrize("what", ["leash", "quick stop", "torque"])
+def test_what_is_permitted_may_be_reached(what: str, more: float) -> None:
+    """The way of a leash or of a stop, the torque of a limit: not a billionth beyond, both ways."""
+    for way in (1.0, -1.0):
+        drive, axis = enabled()
+        if what == "leash":
+            axis._leash_deg = 1000 * axis.deg_per_count * (1.0 - more)
+            drive.spoil = lambda seen, way=way: seen._replace(pos_act_counts=round(way * 1000))
+            act = lambda axis=axis: axis.scan(DriveRequest.DISABLE)  # noqa: E731
+        elif what == "torque":
+            drive.push = way * (1.0 + more)
+            act = lambda axis=axis: steps_lacks._push(axis, 20.0, 20.0)  # noqa: E731
+        else:
+            # 2 deg/s and 5 deg/s2: 0.4 deg, and 0.06 s of reaction.
+            drive.spoil = lambda seen: seen._replace(state=DriveState.QUICK_STOP_ACTIVE)
+            counts = permitted_way_deg(2.0, 5.0) / axis.deg_per_count
+            axis.deg_per_count *= counts / math.floor(counts) * (1.0 + more) * (1.0 - 1e-12)
+            drive.spoil = lambda seen, way=way, n=math.floor(counts): seen._replace(
+                state=DriveState.QUICK_STOP_ACTIVE, pos_act_counts=round(way * n)
+            )
+            act = lambda axis=axis: measure_quick_stop(axis, 2.0, 5.0)  # noqa: E731
+        if more:
+            with pytest.raises(AlarmStop):
+                act()
+        else:
+            act()
+
+
+@pytest.mark.parametrize(
+    ("ways", "can_be", "killed"),
+    [(tuple(Way), True, 1), (tuple(Way), False, 0), ((Way.HEARTBEAT,), True, 0), ((Way.COMMANDS,), True, 0)],
+)
+def test_only_a_whole_silence_is_that_of_a_killed_controller(
+    monkeypatch: pytest.MonkeyPatch, ways: tuple[Way, ...], can_be: bool, killed: int
+) -> None:
+    kills: list[object] = []
+    monkeypatch.setattr(steps_silence, "can_be_killed", lambda _: can_be)
+    monkeypatch.setattr(steps_silence, "kill_controller", kills.append)
+    seen = SilentDrive(stopped_s=0.1, state=DriveState.FAULT, brake_open=False)
+    monkeypatch.setattr(steps_silence, "fall_silent", lambda *_: seen)
+    drive, axis = enabled()
+    axis.wake = lambda: None
+    inputs = SimpleNamespace(watchdog_contact=lambda: True)
+    drive.beside = SimpleNamespace(inputs=inputs, ask_watchdog_contact=lambda: False)  # type: ignore[attr-defined]
+    dog = steps_silence._Watchdog("the relay", (), "")
+    fall, proofs = steps_silence._Fall("watchdog", ways, 0.1), list[str]()
+    assert steps_silence._fall(context(MACHINE), axis, dog, fall, {}, proofs, own=True) == (None, 0.1)
+    assert len(kills) == killed
+    assert proofs[0].startswith("controller killed") is bool(killed)
+
+
+def test_bands_are_proposed_from_0_0005_deg_and_0_005_deg_on() -> None:
+    results = {
+        "loop": StepResult("loop", Outcome.PASSED, "", {"rest_error_deg": Figure(0.0)}),
+        "turn": StepResult(
+            "turn", Outcome.PASSED, "", {"following_error_deg": Figure(0.0), "speed_deg_s": Figure(3.0)}
+        ),
+    }
+    found = steps_motion.bands(context(MACHINE, **results))
+    assert found.number("in_position_proposed_deg") == 0.0005
+    assert found.number("following_error_proposed_deg") == 0.005
+    # A result of before the times were kept.
+    assert (found.seconds, found.axis_s) == (0.0, 0.0)
+
+
+def test_a_picture_begins_with_its_motion() -> None:
+    samples = [MotionSample(time_s, 0.0, 0.0, 0.0, 0.0) for time_s in (5.0, 5.5, 7.0)]
+    assert [sample.time_s for sample in open_loop_axis._from_zero(samples)] == [0.0, 0.5, 2.0]
+    assert open_loop_axis._from_zero([]) == []
 
 
 @pytest.mark.parametrize(

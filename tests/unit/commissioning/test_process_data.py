@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gantryctl.cli.main import cli
 from gantryctl.commissioning import Outcome
-from gantryctl.commissioning.steps_bus import StatuswordSample, judge_statuswords
+from gantryctl.commissioning.steps_bus import StatuswordSample, StatuswordVerdict, judge_statuswords
 from gantryctl.drives.canopen.bus.sdo import SdoClient
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
@@ -94,3 +94,20 @@ def test_a_state_that_changes_by_itself_fails() -> None:
     )
     assert not verdict.agree
     assert "the state itself changes (bits 0, 5, 6)" in verdict.text
+
+
+@pytest.mark.parametrize(
+    ("wrong", "moving", "agree", "text"),
+    [
+        (0, 0, True, "agrees 8 times"),
+        # Bit 4, voltage enabled, is no part of the state.
+        (0, 1 << 4 | 1 << 10, True, "agrees 8 times, bits 4, 10 change by themselves and are not compared"),
+        (0, 1 << 3, False, "agrees 8 times, the state itself changes (bits 3)"),
+        (0, 1 << 5 | 1 << 15, False,
+         "agrees 8 times, the state itself changes (bits 5), bits 15 change by themselves and are not compared"),
+        (1 << 2 | 1 << 11, 0, False, "differs in bits 2, 11"),
+    ],
+)  # fmt: skip
+def test_a_verdict_on_the_statusword_names_its_bits(wrong: int, moving: int, agree: bool, text: str) -> None:
+    found = StatuswordVerdict(wrong, moving, 8)
+    assert (found.agree, found.text) == (agree, text)

@@ -291,6 +291,31 @@ def test_a_drive_that_stays_enabled_in_a_silence_is_broken_off_when_its_time_is_
     assert seen.way_deg == pytest.approx(0.08, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("turns_deg_s", "stops"), [(0.04, True), (-0.04, True), (0.06, False), (-0.06, False)]
+)
+def test_a_shaft_that_creeps_on_behind_its_brake_has_not_stopped(turns_deg_s: float, stops: bool) -> None:
+    """0.05 deg/s of swing are rest. In its fault it has 0.076 s of the limit, 0.35 s of rest and 1 s to come to rest."""
+    drive, axis = enabled()
+    drive.process.age, drive.process.statusword = 0, 0x0008  # Fault
+    drive.node.emergencies = SimpleNamespace(count=0)
+    drive.beside = SimpleNamespace(ask_brake_contact=lambda: False)  # type: ignore[attr-defined]
+    drive.look = drive.read  # type: ignore[attr-defined]
+
+    def write(output: Any) -> None:
+        drive.wrote.append(output)
+        drive.state, drive.brake_open = S.FAULT, False
+        drive.deg += turns_deg_s * PERIOD_S
+
+    drive.write = write  # type: ignore[method-assign]
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 1.0))
+    assert seen.stopped is stops
+    if not stops:
+        # 357 scans are the first beyond 1.426 s.
+        assert seen.broken_off.startswith("in fault after 1.4 s")
+        assert len(drive.wrote) > 357
+
+
 def test_what_a_sync_shows_right_after_the_limit_was_so_before() -> None:
     """A drive that answers no SDO in OPERATIONAL is looked at by SYNC when its time is over: 0.05 s, four scans and 10
     ms. It has been in its fault since before, and is not late.

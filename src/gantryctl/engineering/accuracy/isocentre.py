@@ -148,7 +148,7 @@ def smallest_star(angle: FloatArray, lateral: FloatArray) -> tuple[tuple[float, 
     threes = np.array(list(itertools.combinations(range(len(angle)), 3)))
     for signs in ((1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (1.0, -1.0, 1.0), (-1.0, 1.0, 1.0)):
         lines = np.concatenate(
-            [normal[threes], -np.broadcast_to(np.array(signs)[None, :, None], (*threes.shape, 1))], axis=2
+            [normal[threes], np.broadcast_to(np.array(signs)[None, :, None], (*threes.shape, 1))], axis=2
         )
         solvable = np.abs(np.linalg.det(lines)) > 1e-9
         found = np.linalg.solve(lines[solvable], lateral[threes[solvable]][:, :, None])[:, :2, 0]

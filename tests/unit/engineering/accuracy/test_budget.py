@@ -19,7 +19,7 @@ from gantryctl.engineering.accuracy.budget import (
 from gantryctl.engineering.accuracy.noise import a_draws
 from gantryctl.engineering.accuracy.paper import PAPER_TABLE
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
-from gantryctl.engineering.accuracy.table import ErrorTable
+from gantryctl.engineering.accuracy.table import Direction, ErrorTable, RowKey
 from gantryctl.engineering.instruments.sources import SimulatedInstrument, Source, sources_of
 from gantryctl.errors import UsageError
 from support.command_line import cli, done
@@ -59,18 +59,19 @@ def test_noise_alone_is_that_of_two_coordinates() -> None:
     assert found.combined_deg == pytest.approx(float(np.std(drawn)), rel=0.06)
 
 
-def test_degrees_of_freedom_are_those_of_welch_and_satterthwaite() -> None:
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_degrees_of_freedom_are_those_of_welch_and_satterthwaite(size: float) -> None:
     line = lambda angles: angles[..., 0]  # noqa: E731
     one = lambda a, _: np.ones((len(a), 1))  # noqa: E731
     sources = [
-        Source("a", 3.0, "deg", "normal", one, degrees_of_freedom=8.0),
-        Source("b", 4.0, "deg", "normal", one),
+        Source("a", 3.0 * size, "deg", "normal", one, degrees_of_freedom=8.0),
+        Source("b", 4.0 * size, "deg", "normal", one),
     ]
     found = budget("t", line, np.zeros(1), np.zeros(1), sources)
-    assert found.combined_deg == pytest.approx(5.0)
+    assert found.combined_deg == pytest.approx(5.0 * size)
     # 5^4 / (3^4 / 8).
     assert found.degrees_of_freedom == pytest.approx(625.0 * 8.0 / 81.0)
-    assert found.expanded_deg == pytest.approx(10.0)
+    assert found.expanded_deg == pytest.approx(10.0 * size)
 
 
 def measured_a(sources: list[Source], seed: int) -> float:
@@ -107,6 +108,23 @@ def test_a_table_has_its_rounding_as_a_source() -> None:
     # Two of five rows measured by a level are worth less than by a tracker: 0.05 % of 20 deg are 0.01 deg.
     level = table_budget(PAPER_TABLE, "level", sources_of("level"))
     assert level.combined_deg > found.combined_deg
+
+
+@pytest.mark.parametrize(("sign", "slope"), [(1.0, 7.0), (-1.0, 3.0)])
+def test_a_scale_stretches_the_stops_of_a_table_where_they_were(sign: float, slope: float) -> None:
+    """Errors of 2 deg at 5 deg and 1 deg at 10 deg, all rows alike: A is 2, from the first column to the zero column.
+
+    By 1 % too long 7 deg are 0.07 deg more; where the errors are -2 and -1, 3 deg are 0.03 deg more and A less so.
+    """
+    rows = tuple(RowKey(base, way) for base in (90.0, 0.0) for way in Direction)
+    table = ErrorTable(rows, (0.0, 5.0, 10.0), np.array([[0.0, sign * 2.0, sign * 1.0]] * 4))
+    scale = Source("scale", 1e-4, "-", "normal", lambda angles, _: angles[:, None])
+    (row, _) = table_budget(table, "t", [scale]).contributions
+    assert row.sensitivity == pytest.approx(slope, rel=1e-5)
+
+
+def test_the_first_stop_is_read_a_stop_after_the_start() -> None:
+    assert stop_times_s(3).tolist() == [15.0, 30.0, 45.0]
 
 
 def test_readings_of_which_only_a_statement_is_known_are_one_row() -> None:

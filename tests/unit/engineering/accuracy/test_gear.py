@@ -19,6 +19,7 @@ from gantryctl.engineering.accuracy.gear import (
     Prediction,
     Wave,
     gear_study,
+    r_squared,
     study_text,
     waves_of,
     worth_of_the_fit,
@@ -85,7 +86,7 @@ def covered(tables: list[ErrorTable]) -> float:
 
 def test_the_waves_of_the_reference_gear() -> None:
     """60 um at 2.366 m are 25.36 urad; 90 urad behind a ring of 13 and 20 um at its pinion are 6.92 + 8.45."""
-    found = {wave.cycles: 1e6 * wave.amplitude_rad for wave in WAVES}
+    found = {wave.cycles: 1e6 * wave.amplitude_rad for wave in waves_of(MACHINE)}
     assert found == pytest.approx(
         {
             1.0: 25.36, 2.0: 13.52, 3.0: 9.30, 4.0: 7.19, 5.0: 5.49, 6.0: 4.65, 7.0: 3.80, 8.0: 3.38, 9.0: 2.96,
@@ -127,6 +128,17 @@ def test_what_a_fit_is_worth_in_a_sentence_and_what_lies_outside() -> None:
     lines = study_text(study, SIGNED).splitlines()[2:6]
     assert [line.endswith("outside") for line in lines] == [False, True, True, False]
     assert "8: 25 %, 9: 75 %" in study_text(study, SIGNED)
+
+
+def test_r_squared_by_hand() -> None:
+    """1 and 3 are 2 about their mean: all of it is left by 2 and 2, four times as much the other way round."""
+    measured = np.array([1.0, 3.0])
+    assert [r_squared(measured, np.array(told)) for told in ((1.0, 3.0), (2.0, 2.0), (3.0, 1.0))] == [
+        1.0,
+        0.0,
+        -3.0,
+    ]
+    assert math.isnan(r_squared(np.array([2.0, 2.0]), measured))
 
 
 def test_the_evidence_is_the_density_of_the_table() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from gantryctl.engineering.accuracy.isocentre import isocentre, smallest_star
+from gantryctl.engineering.accuracy.isocentre import isocentre, isocentre_text, smallest_star
 from gantryctl.machine import default_machine, with_values
 
 ANGLES = np.arange(-180.0, 180.0, 15.0)
@@ -115,6 +115,27 @@ def test_the_smallest_circle_of_three_lines_is_the_one_inside_their_triangle() -
     moved, same = smallest_star(angle, 0.7 + 0.3 * np.cos(angle) - 0.2 * -np.sin(angle))
     assert same == pytest.approx(0.7, rel=1e-12)
     assert moved == pytest.approx((0.3, -0.2), abs=1e-12)
+
+
+@pytest.mark.parametrize("turned", [(), (0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2)])
+def test_a_beam_from_the_other_side_is_the_same_line(turned: tuple[int, ...]) -> None:
+    """Half a turn further its offset has the other sign."""
+    angle, lateral = np.deg2rad([0.0, 120.0, 240.0]), np.full(3, 0.7)
+    for k in turned:
+        angle[k] += math.pi
+        lateral[k] *= -1.0
+    centre, radius = smallest_star(angle, lateral)
+    assert radius == pytest.approx(0.7, rel=1e-12)
+    assert centre == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+def test_the_text_has_a_row_for_each_angle_and_the_star_below() -> None:
+    iso = found({})
+    text = isocentre_text(iso).splitlines()
+    assert [float(row.split()[0]) for row in text[2:26]] == ANGLES.tolist()
+    x, y, z = iso.span_mm
+    assert text[26] == f"Range of the shift: {x:.3f} x {y:.3f} x {z:.3f} mm"
+    assert text[27].startswith(f"Star shot: circle of {iso.star_radius_mm:.3f} mm radius")
 
 
 def test_no_other_centre_has_a_smaller_circle() -> None:

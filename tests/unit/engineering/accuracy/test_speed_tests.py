@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gantryctl.engineering.accuracy.report.report import LoadSpeedBy
 from gantryctl.engineering.accuracy.speed_test import (
     _by_ring,
     _evaluate,
     _moves,
     _Speeds,
     run_speed,
+    speed_test_on,
     speed_test_s,
     speed_tests,
 )
 from gantryctl.engineering.accuracy.table import Direction
 from gantryctl.errors import UsageError
-from gantryctl.machine import default_machine, with_values
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.runtime.recorder import MemoryRecorder
 from support.improved import improved_machine
 
 
@@ -101,6 +105,44 @@ def test_the_speed_of_the_ring_is_its_way_over_40_ms() -> None:
     trace["pos_ring_rad"][50] = math.nan
     assert _by_ring(machine, trace, 0.004) is None  # type: ignore[arg-type]
     assert _by_ring(default_machine(), {}, 0.004) is None  # type: ignore[arg-type]
+
+
+class Run:
+    """Stands for `AxisRun`: what it was asked for, and rows of a motor that lacks 0.01 deg/s of 2 deg/s."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine, self.asked = machine, list[tuple[object, ...]]()
+        self.recorder = MemoryRecorder(["time_s", "vel_ref_rad_s", "vel_act_rad_s"])
+        self.engine = SimpleNamespace(recorder=self.recorder, period_s=0.5)
+
+    def move(self, to_deg: float, speed_deg_s: float | None = None) -> None:
+        self.asked.append(("move", to_deg, speed_deg_s))
+        for ref in REF:
+            # Without a speed of the test: on the way there, faster, and no part of it.
+            row = (ref, ref - 0.01 * (ref == 2.0)) if speed_deg_s else (6.0, 3.0)
+            self.recorder.record((0.0, *(math.radians(value) for value in row)))
+
+    def follow(self, seconds: float) -> None:
+        self.asked.append(("follow", seconds))
+
+
+def test_on_a_machine_each_way_is_measured_alone() -> None:
+    """2 deg/s up and down, from standing still to standing still; what comes before is no part of it."""
+    machine = with_values(default_machine(), {"virtual_axis.acc_deg_s2": 0.5, "virtual_axis.dec_deg_s2": 0.5})
+    run = Run(machine)
+    up, down = speed_test_on(run, (2.0,))  # type: ignore[arg-type]
+    # 8 deg of ramps, 30 of cruise.
+    low, high = up.travel_deg
+    assert (low, high, down.travel_deg) == (-19.0, 19.0, (high, low))
+    assert run.asked == [
+        ("move", low, None), ("follow", 6.0),
+        ("follow", 1.0), ("move", high, 2.0), ("follow", 6.0),
+        ("follow", 1.0), ("move", low, 2.0), ("follow", 6.0),
+    ]  # fmt: skip
+    for each, way in ((up, Direction.CCW), (down, Direction.CW)):
+        assert (each.direction, each.speed_deg_s, each.load_by) == (way, 2.0, LoadSpeedBy.NOTHING)
+        assert (each.reached_deg_s, each.motor_error_deg_s) == pytest.approx((1.99, 0.01))
+        assert each.load_error_deg_s is None
 
 
 def test_the_test_takes_both_ways_and_the_way_there() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gantryctl.engineering.accuracy import paper
 from gantryctl.engineering.accuracy.paper import (
     PAPER_A_DEG,
     PAPER_LOWER_DEG,
@@ -32,14 +33,15 @@ def test_the_papers_table_gives_the_papers_figure() -> None:
 
 def test_the_papers_table_is_that_of_the_file_beside_the_examples() -> None:
     """Both were typed from the print."""
+    table = paper.PAPER_TABLE
     lines = (configs_folder() / "examples" / "paper_table2.csv").read_text(encoding="utf-8").splitlines()[1:]
     printed = {
         (float(base), way, float(d)): float(error) for base, way, d, error in (x.split(",") for x in lines)
     }
     assert printed == {
-        (row.base_deg, row.direction.value, d): PAPER_TABLE.errors_deg[k, column]
-        for k, row in enumerate(PAPER_TABLE.rows)
-        for column, d in enumerate(PAPER_TABLE.displacements_deg)
+        (row.base_deg, row.direction.value, d): table.errors_deg[k, column]
+        for k, row in enumerate(table.rows)
+        for column, d in enumerate(table.displacements_deg)
     }
 
 
