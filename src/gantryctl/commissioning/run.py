@@ -235,8 +235,9 @@ class Commissioning:
         self._path = store.directory / _RESULTS
         kept = load_progress(self._path)
         # A change of [axis], [control], [motor], [encoder], [brake], [drive] or [can] begins anew.
-        fits = kept is not None and kept.proven_hash == proven_hash(machine)
-        self.progress = kept if kept is not None and fits else Progress(machine.name, proven_hash(machine))
+        if kept is None or kept.proven_hash != proven_hash(machine):
+            kept = Progress(machine.name, proven_hash(machine))
+        self.progress = kept
         self.resumed = bool(self.progress.results)
         self._as_found: tuple[ParameterRow, ...] = ()
 

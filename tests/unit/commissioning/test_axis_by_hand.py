@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gantryctl.commissioning import open_loop_axis
-from gantryctl.commissioning.results import Figure, Outcome, judged
+from gantryctl.commissioning.results import Figure, Outcome, failed, judged, passed
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, LinkFlag
@@ -199,6 +199,22 @@ def test_a_bit_12_that_is_always_1_is_told() -> None:
     axis.run(0.1)
 
 
+@pytest.mark.parametrize(
+    ("follows_bit", "status", "hint"), [(True, 0x0237, True), (True, 0x1237, False), (False, 0x0237, False)]
+)
+def test_a_drive_that_is_not_enabled_is_told_with_the_bit_that_it_lacks(
+    follows_bit: bool, status: int, hint: bool
+) -> None:
+    drive = HandDrive()
+    drive.settings.follows_bit, drive.process.statusword = follows_bit, status
+    drive.spoil = lambda seen: seen._replace(state=S.SWITCHED_ON, link=LinkFlag.NONE)
+    axis = axis_of(drive)
+    axis._judge_bit_12 = lambda: None  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match="the drive is in switched on after 2 s") as told:
+        axis.enable()
+    assert ("bit 12 of 6041 is 0" in str(told.value)) is hint
+
+
 def test_a_person_ends_it_and_a_drive_that_was_lost_is_started_to_be_told() -> None:
     halt, drive = Halt(), HandDrive()
     axis = axis_of(drive, halt=halt)
@@ -223,6 +239,14 @@ def test_a_step_passes_by_its_proof_and_by_every_figure(
 ) -> None:
     found = judged(ok, "k", "", "", a=Figure(first, high=1.5), b=Figure(second, high=1.5))
     assert (found.outcome is Outcome.PASSED) is passes
+
+
+def test_what_has_failed_has_failed_whatever_its_figures_say() -> None:
+    found = failed("k", "slipped", "call service", moved_deg=Figure(0.01, high=0.02))
+    assert (found.outcome, found.to_do) == (Outcome.FAILED, "call service")
+    good = passed("k", "held", moved_deg=Figure(0.01, high=0.02))
+    assert (good.outcome, good.to_do) == (Outcome.PASSED, "")
+    assert passed("k", "held", moved_deg=Figure(0.03, high=0.02)).outcome is Outcome.FAILED
 
 
 # --- the door of a step -----------------------------------------------------------------------------------------------

@@ -100,11 +100,11 @@ def test_what_is_permitted_may_be_reached(what: str, more: float) -> None:
             act = lambda axis=axis: steps_lacks._push(axis, 20.0, 20.0)  # noqa: E731
         else:
             # 2 deg/s and 5 deg/s2: 0.4 deg, and 0.06 s of reaction.
-            drive.spoil = lambda seen: seen._replace(state=DriveState.QUICK_STOP_ACTIVE)
             counts = permitted_way_deg(2.0, 5.0) / axis.deg_per_count
             axis.deg_per_count *= counts / math.floor(counts) * (1.0 + more) * (1.0 - 1e-12)
-            drive.spoil = lambda seen, way=way, n=math.floor(counts): seen._replace(
-                state=DriveState.QUICK_STOP_ACTIVE, pos_act_counts=round(way * n)
+            there = round(way * math.floor(counts))
+            drive.spoil = lambda seen, there=there: seen._replace(
+                state=DriveState.QUICK_STOP_ACTIVE, pos_act_counts=there
             )
             act = lambda axis=axis: measure_quick_stop(axis, 2.0, 5.0)  # noqa: E731
         if more:

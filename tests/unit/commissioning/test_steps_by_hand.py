@@ -268,7 +268,13 @@ def test_every_move_must_be_done(
     from contextlib import contextmanager
 
     left = list(dones)
-    run = SimpleNamespace(angle_deg=10.0, move=lambda target, speed: SimpleNamespace(done=left.pop(0)))
+    asked: list[tuple[float, float]] = []
+
+    def move(target: float, speed: float) -> Any:
+        asked.append((target, speed))
+        return SimpleNamespace(done=left.pop(0))
+
+    run = SimpleNamespace(angle_deg=10.0, move=move)
 
     @contextmanager
     def recorded(c: object, part: str) -> Any:
@@ -276,6 +282,8 @@ def test_every_move_must_be_done(
 
     monkeypatch.setattr(steps_motion, "_recorded_run", recorded)
     assert steps_motion._move(context(), "", (1.0, 0.0), 0.6, by=True)[1] is done
+    # From where it stood, and back there.
+    assert asked == [(11.0, 0.6), (10.0, 0.6)]
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.commissioning.stopping import silence, steps_silence
 from gantryctl.commissioning.stopping.quick_stop import (
     QuickStop,
+    _deceleration,
     computed_way_deg,
     measure_quick_stop,
     permitted_way_deg,
@@ -22,6 +23,7 @@ from gantryctl.commissioning.stopping.quick_stop import (
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop, DeviceError
 from gantryctl.image import DriveRequest, DriveState
+from gantryctl.runtime.recorder import MemoryRecorder
 from unit.commissioning.hand_drive import (
     PERIOD_S,
     HandDrive,
@@ -99,6 +101,56 @@ def test_a_quick_stop_harder_than_the_checked_one_fails(
         with pytest.raises(AlarmStop, match="too hard"):
             steps_motion._quick_stop(context(), 3.0, decs)
         assert not decs
+
+
+def test_what_is_still_at_nine_tenths_is_no_ramp_yet() -> None:
+    """From 10 deg/s, a deg/s in a scan of a second; before it the drive hesitates."""
+    speeds = [10.0, 9.0, 9.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]
+    assert _deceleration(speeds, 10.0, 1.0) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_stops_go_forward_and_back_and_the_longest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quick stop forward and silence back, from 1 and from 3 deg/s; 0.833 deg from 3 deg/s were computed."""
+    asked: list[tuple[str, float]] = []
+
+    def stop(what: str) -> Any:
+        def measure(c: Any, speed: float, decs: list[float]) -> tuple[str, float, float]:
+            asked.append((what, speed))
+            decs.append(5.0 + len(decs))
+            return what, 0.25 * abs(speed), 0.25 * abs(speed)
+
+        return measure
+
+    monkeypatch.setattr(steps_motion, "_quick_stop", stop("quick stop"))
+    monkeypatch.setattr(steps_motion, "_silent_stop", stop("silence"))
+    monkeypatch.setattr(steps_motion, "_jog_release", lambda c, speed: 0.01)
+    found = steps_motion.stops(context())
+    assert asked == [("quick stop", 1.0), ("silence", -1.0), ("quick stop", 3.0), ("silence", -3.0)]
+    assert (found.outcome, found.proof) == (Outcome.PASSED, "5 stops, largest 0.750 deg")
+    assert found.number("slowest_ramp_deg_s2") == 5.0
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_run_of_a_step_is_closed_with_what_stopped_it(
+    monkeypatch: pytest.MonkeyPatch, stopped: bool
+) -> None:
+    """Powered down after its motion; an alarm holds the axis as it is."""
+    did: list[object] = []
+    run = SimpleNamespace(
+        engine=SimpleNamespace(recorder=MemoryRecorder(["time_s", "pos_act_rad"])),
+        power_down=lambda: did.append("down"),
+        close=lambda what, alarm: did.append((what, alarm)),
+    )
+    monkeypatch.setattr(steps_motion, "AxisRun", lambda *_, **__: run)
+    monkeypatch.setattr(steps_motion, "_samples", lambda _: [])
+    alarm = AlarmStop("CAN-03")
+    if stopped:
+        with pytest.raises(AlarmStop), steps_motion._recorded_run(context(), "there"):
+            raise alarm
+    else:
+        with steps_motion._recorded_run(context(), "there"):
+            did.append("moved")
+    assert did == ([("commissioning", alarm)] if stopped else ["moved", "down", ("commissioning", None)])
 
 
 def ramp_result(outcome: Outcome) -> StepResult:
@@ -295,7 +347,7 @@ def test_a_drive_that_stays_enabled_in_a_silence_is_broken_off_when_its_time_is_
     ("turns_deg_s", "stops"), [(0.04, True), (-0.04, True), (0.06, False), (-0.06, False)]
 )
 def test_a_shaft_that_creeps_on_behind_its_brake_has_not_stopped(turns_deg_s: float, stops: bool) -> None:
-    """0.05 deg/s of swing are rest. In its fault it has 0.076 s of the limit, 0.35 s of rest and 1 s to come to rest."""
+    """0.05 deg/s of swing are rest. In its fault it has 0.076 s, 0.35 s of rest and 1 s to come to rest."""
     drive, axis = enabled()
     drive.process.age, drive.process.statusword = 0, 0x0008  # Fault
     drive.node.emergencies = SimpleNamespace(count=0)
@@ -333,17 +385,21 @@ def test_what_a_sync_shows_right_after_the_limit_was_so_before() -> None:
     assert seen.stopped_s == pytest.approx(0.05 + 4 * PERIOD_S + 0.01)
 
 
-@pytest.mark.parametrize(("stopped_s", "passes"), [(0.07, True), (0.09, False)])
+@pytest.mark.parametrize(
+    ("stopped_s", "brake_open", "passes"), [(0.07, False, True), (0.09, False, False), (0.07, True, False)]
+)
 def test_a_drive_that_stops_after_its_time_fails_its_silence(
-    step: Any, monkeypatch: pytest.MonkeyPatch, stopped_s: float, passes: bool
+    step: Any, monkeypatch: pytest.MonkeyPatch, stopped_s: float, brake_open: bool, passes: bool
 ) -> None:
-    """0.05 s, four scans and 10 ms to see it: 76 ms."""
-    drive = HandDrive()
+    """0.05 s, four scans and 10 ms to see it: 76 ms. One that has not braked is not spoken to as if nothing were."""
+    drive, resumed = HandDrive(), list[int]()
+    drive.resume = lambda: resumed.append(1)  # type: ignore[method-assign]
     drive.settings.rpdo_deadline_s = 0.05
-    seen = silence.SilentDrive(stopped_s=stopped_s, state=S.FAULT, brake_open=False)
+    seen = silence.SilentDrive(stopped_s=stopped_s, state=S.FAULT, brake_open=brake_open)
     monkeypatch.setattr(steps_silence, "fall_silent", lambda *_: seen)
     monkeypatch.setattr(steps_silence, "watched_ways", lambda axis: (silence.Way.COMMANDS,))
     monkeypatch.setattr(steps_silence, "_keep_proof", lambda c: None)
     found = step(steps_silence, "silence", drive)
     assert (found.outcome is Outcome.PASSED) is passes
     assert found.figures["process_data_ms"].high == pytest.approx(76.0)
+    assert len(resumed) == (not brake_open)

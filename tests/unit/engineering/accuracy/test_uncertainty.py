@@ -74,7 +74,7 @@ def test_the_floor_is_what_a_perfect_axis_would_show() -> None:
 
 
 def test_readings_that_are_less_certain_scatter_and_are_not_shifted() -> None:
-    """Those at 5 deg alone, six chords: half of the S of six draws are below sqrt(4.351 / 5) u, and A is six of them."""
+    """Those at 5 deg alone, six chords: the median of S of six draws is sqrt(4.351 / 5) u, and A is six of them."""
     u = np.array([1e-4 if stop.displacement_deg == 5.0 else 0.0 for stop in PROCEDURE.stops])
     known = chord_uncertainty(PROCEDURE, np.degrees(PROCEDURE.targets_rad), u)
     # A median of 500 draws of S is known to 1.9 %.
