@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +13,14 @@ import pytest
 
 from gantryctl.commissioning import open_loop_axis, steps_lacks, steps_motion, steps_sign
 from gantryctl.commissioning.pictures import MotionSample
-from gantryctl.commissioning.results import Figure, Outcome, StepResult
+from gantryctl.commissioning.results import (
+    Figure,
+    Outcome,
+    Progress,
+    StepResult,
+    load_progress,
+    store_progress,
+)
 from gantryctl.commissioning.stopping import steps_silence
 from gantryctl.commissioning.stopping.quick_stop import QuickStop, measure_quick_stop, permitted_way_deg
 from gantryctl.commissioning.stopping.silence import SilentDrive, Way
@@ -19,7 +28,7 @@ from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.errors import AlarmStop, DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import with_values
-from unit.commissioning.hand_drive import MACHINE, context, enabled
+from unit.commissioning.hand_drive import MACHINE, PERIOD_S, context, enabled
 
 pytestmark = pytest.mark.can
 
@@ -83,6 +92,34 @@ def test_a_pulse_may_have_its_speed_and_no_more(way: float) -> None:
     for speed in (math.nextafter(0.2, 1.0), math.nan):
         with pytest.raises(AlarmStop, match=r"at most 0\.030 deg/s are commanded"):
             steps_sign._hold_back(shown(way * speed), 0.03)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("given", [1.15, math.nextafter(1.15, 2.0), math.nan])
+def test_a_lowered_torque_limit_may_be_passed_by_15_percent(given: float, way: float) -> None:
+    """Of 1 N m to the last bit: rounding of 6072 and 6077, ripple of the current loop."""
+    axis = shown(0.0)
+    process, units = SimpleNamespace(torque_known=True), SimpleNamespace(torque_unit_nm=0.01)
+    axis.drive = SimpleNamespace(process=process, opened=SimpleNamespace(units=units))
+    axis.feedback, axis.angle_deg, axis.period_s = SimpleNamespace(torque_act_nm=way * given), 0.0, PERIOD_S
+    axis.scan = axis.run = lambda *_: None
+    figures: dict[str, Figure] = {}
+    if given == 1.15:
+        assert steps_sign._push(axis, {0x6072: 100}, figures) == "; 6072 lowered to 1 N m, 1 N m given"
+        assert figures["torque_most_nm"].value == 1.15
+    else:
+        with pytest.raises(AlarmStop, match="is not heeded"):
+            steps_sign._push(axis, {0x6072: 100}, figures)
+
+
+def test_a_figure_that_is_no_number_is_not_stored(tmp_path: Path) -> None:
+    """NaN is no JSON: what others read would end there. What was stored before stays."""
+    path, good = tmp_path / "results.json", Progress("m", "h")
+    store_progress(path, good)
+    bad = replace(good, results={"k": StepResult("k", Outcome.FAILED, "", {"a_deg": Figure(math.nan)})})
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        store_progress(path, bad)
+    assert load_progress(path) == good
 
 
 @pytest.mark.parametrize("more", [0.0, 1e-9])

@@ -109,6 +109,11 @@ def test_what_is_still_at_nine_tenths_is_no_ramp_yet() -> None:
     assert _deceleration(speeds, 10.0, 1.0) == pytest.approx(1.0, rel=1e-9)
 
 
+def test_what_is_at_two_tenths_is_still_in_the_ramp() -> None:
+    """8, 7, 6, 5, 4 and 2 deg/s: the line through all six falls by 20 / 17.5 in a scan."""
+    assert _deceleration([10.0, 8.0, 7.0, 6.0, 5.0, 4.0, 2.0, 1.0], 10.0, 1.0) == pytest.approx(8.0 / 7.0)
+
+
 def test_stops_go_forward_and_back_and_the_longest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Quick stop forward and silence back, from 1 and from 3 deg/s; 0.833 deg from 3 deg/s were computed."""
     asked: list[tuple[str, float]] = []
