@@ -181,6 +181,8 @@ def guard(access: Access, session: Any = None) -> Guard:
         # int() of a long text costs time: nine digits are looked at.
         ([(b"host", HERE), (b"content-length", b"000065536")], None),
         ([(b"host", HERE), (b"content-length", b"0000065536")], 413),
+        ([(b"host", HERE), (b"transfer-encoding", b"chunked")], None),
+        ([(b"host", HERE), (b"transfer-encoding", b"chunked"), (b"content-length", b"0")], 400),
     ],
 )  # fmt: skip
 def test_only_a_request_to_us_of_a_size_is_taken(
