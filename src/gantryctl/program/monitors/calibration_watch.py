@@ -25,7 +25,8 @@ _EVENTS_MIN: Final = 10
 # The gap of the gears follows their temperature, 5 K are 0.095 mm: what a session shows may be its morning (0.089 of
 # 0.05 mm by ten changes, within 0.004 of each other). It is judged when so much of the memory is full, after 40 moves.
 _A_DAY: Final = 0.68
-# Two minutes of motion: a first long move, one way at one temperature, showed 3.6 kN m too many of a sound machine.
+# Two minutes of motion, some moves each way: before, moment and friction are one number. What a short first move fits,
+# 200 kN m, is not the load that friction grows with: its 20 kN m of friction would stay in the sums for 20 minutes.
 _FIRST_MOVES: Final = 0.1
 # A finding lies so many standard deviations beyond its bound: 3.4 in a million for a machine that stands at its bound.
 _SURE: Final = 4.5
@@ -170,13 +171,12 @@ class CalibrationWatch:
         self._moving, self._sum, self._scans = False, 0.0, 0
         if self._swing is not None:
             self._swing.abandon()
+        if self._torque.filled < _FIRST_MOVES:
+            return
         torque = self._torque.solved()
         if torque is not None:
             sine, cosine, friction = torque.values
             self._moment = (cal.moment_sine_nm + sine, cal.moment_cosine_nm + cosine)
-        if self._torque.filled < _FIRST_MOVES:
-            return
-        if torque is not None:
             size, sure = _size(torque, 0)
             self._weigh("moment", size, cal.moment_bound_nm, sure)
             self._weigh("friction", friction, cal.friction_bound_nm, torque.deviations[2])
