@@ -82,8 +82,9 @@ def new_watch(*, used_s: float = 0.0, **changes: Any) -> CalibrationWatch:
     return watch
 
 
-def test_a_machine_as_it_was_calibrated_is_left_alone() -> None:
-    watch = new_watch()
+@pytest.mark.parametrize("cosine_nm", [2.0, 9e3, -9e3])
+def test_a_machine_as_it_was_calibrated_is_left_alone(cosine_nm: float) -> None:
+    watch = new_watch(moment_cosine_nm=cosine_nm)
     turned(watch)
     assert watch.found == {}
     assert watch.seen["moment"].measured < 0.1 * watch.seen["moment"].bound
@@ -264,6 +265,18 @@ def test_the_uncertainty_of_a_running_fit_is_that_of_its_samples() -> None:
     solved = fit.solved()
     assert solved is not None
     assert (solved.values[0], solved.deviations[0]) == (pytest.approx(2.0), pytest.approx(0.1))
+
+
+def test_one_sample_of_one_unknown_has_no_uncertainty_and_two_have() -> None:
+    """As many samples as unknowns leave nothing to judge them by: 1 and 3 are 2 with a standard deviation."""
+    fit = RunningFit(1, 0.0, 1.0, 1.0)
+    fit.add((1.0,), 1.0)
+    assert fit.solved() is None
+    fit.add((1.0,), 3.0)
+    solved = fit.solved()
+    assert solved is not None
+    # The mean square of what is left is 1, of two samples.
+    assert (solved.values[0], solved.deviations[0]) == pytest.approx((2.0, math.sqrt(0.5)))
 
 
 class TestBounds:

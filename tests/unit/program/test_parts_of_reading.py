@@ -40,6 +40,9 @@ def test_a_torque_that_goes_on_leaving_a_standing_count_is_asked_about_and_one_j
     # The count must have stood for 30 ms, three scans at least; else for the half second that anything may stand.
     asked_s = max(0.030, 3 * period_s) if ramp else 0.5
     assert seconds == approx(asked_s, abs=2.5 * period_s)
+    # Under a torque that leaves there is no time for small questions: 4096 counts of 2^22 in 8 ms, else 8 of them.
+    half_s = max(period_s, 0.008)
+    assert watch.vel_rad_s * half_s * 2**22 / math.tau == approx(4096.0 if ramp else 8.0)
 
 
 @BOTH

@@ -174,3 +174,11 @@ def test_what_is_no_number_is_not_learned(field: str, bad: float) -> None:
     before = model.eccentric()
     model.add(*Sample(0.1, 0.1, 0.0, 10.0)._replace(**{field: bad}))
     assert model.eccentric() == before
+
+
+def test_a_load_is_known_after_a_hundred_samples_that_agree() -> None:
+    """A machine that needs no torque at all, to and fro."""
+    model = TorqueModel(1144.0, 257.0)
+    for sample in range(1, 101):
+        model.add(rad(3.0 * sample), rad(3.0 if sample % 2 else -3.0), 0.0, 0.0)
+        assert model.learned is (sample == 100)
