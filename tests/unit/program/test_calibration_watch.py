@@ -250,6 +250,33 @@ class TestFlankSwing:
         # A period of 24 samples instead of 24.3: 2 % of the amplitude.
         assert gaps == [pytest.approx(gap_of(5e3, self.JERK, self.INERTIA, self.WINDUP), rel=0.03)]
 
+    def test_over_a_whole_period_the_slope_is_told_from_the_swing(self) -> None:
+        """A period of 24 samples to the bit: what is left is the amplitude itself."""
+        sample_s = 2.0 * math.pi * math.sqrt(self.WINDUP) / 24.0
+        swing = FlankSwing(self.INERTIA, self.WINDUP, self.FLANK, sample_s)
+        jerk = 500.0 / (self.INERTIA * sample_s)
+        swing.sample(0.0, 10e3, 0.0)
+        for k in range(1, 41):
+            swing.sample(-jerk * k * sample_s, 10e3 - 500.0 * k, 0.0)
+        told = [
+            swing.sample(
+                -jerk * 40 * sample_s, -10e3, 500.0 + 4e3 * k + 5e3 * math.cos(2.0 * math.pi * k / 24.0 + 0.3)
+            )
+            for k in range(24)
+        ]
+        assert told[:-1] == [None] * 23
+        assert told[-1] == pytest.approx(gap_of(5e3, jerk, self.INERTIA, self.WINDUP), rel=1e-6)
+
+    @pytest.mark.parametrize(("beyond_nm", "known"), [(0.0, False), (1.0, True)])
+    def test_the_flank_is_known_beyond_its_torque_and_not_at_it(self, beyond_nm: float, known: bool) -> None:
+        """On one side exactly, on the other far beyond."""
+        for begin, end in ((self.FLANK + beyond_nm, -9e3), (9e3, -self.FLANK - beyond_nm)):
+            swing = FlankSwing(self.INERTIA, self.WINDUP, self.FLANK, self.SAMPLE_S)
+            swing.sample(0.0, begin, 0.0)
+            swing.sample(-self.JERK * self.SAMPLE_S, end, 0.0)
+            told = [swing.sample(-self.JERK * self.SAMPLE_S, end, math.cos(k)) for k in range(60)]
+            assert any(gap is not None for gap in told) is known
+
     def test_a_ramp_that_stays_on_its_flank_tells_nothing(self) -> None:
         assert set(self.told(crossing=False)) == {None}
 

@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.image import BufferMode, DigitalInputs, Mode
 from gantryctl.program import AxisState, Code
-from gantryctl.program.axis.motion_command import CommandStatus
+from gantryctl.program.axis.motion_command import CommandStatus, MotionCommand
 from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
 from gantryctl.program.settings import StandstillPolicy, TravelSettings
 from gantryctl.units import rad
@@ -321,3 +321,15 @@ def test_an_alarm_takes_the_place_of_power_that_is_going_off():
     assert not rig.axis.motion.switching_off
     rig.run(3.0)
     assert rig.axis.is_off
+
+
+def test_a_command_that_has_not_begun_goes_nowhere():
+    command = MotionCommand(AxisState.STANDSTILL)
+    assert (command.target_rad, command.speed_rad_s, command.refusal, command.follower) == (
+        0.0,
+        0.0,
+        None,
+        None,
+    )
+    assert command.alive
+    assert not (command.endless or command.settles or command.held)

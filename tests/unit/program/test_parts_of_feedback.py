@@ -82,6 +82,18 @@ def test_over_missed_scans_the_way_of_the_speed_is_no_jump_and_a_jump_is_one(mis
 
 
 @BOTH
+@pytest.mark.parametrize(("period_s", "most_deg"), [(0.001, 0.022), (0.004, 0.028), (0.010, 0.040)])
+def test_behind_a_late_telegram_a_reading_may_be_a_scan_later_still(period_s, most_deg, way):
+    """The way of three scans at 6 deg/s: the late one, this one, and one by which it was sampled late too."""
+    for more_deg, jumps in ((-0.0005, False), (0.0005, True)):
+        encoder = Encoder(period_s, 6.0 * way)
+        encoder.scan(counts=encoder.feedback.counts, age_scans=1)
+        # Two of the three are its speed.
+        encoder.scan(step_deg=way * (6.0 * period_s + most_deg + more_deg))
+        assert ("ENC-01" in encoder.codes) is jumps
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(("off_deg_s", "told_s"), [(0.14, math.inf), (0.16, 0.83)])
 def test_a_position_that_leaves_its_speed_by_0_045_deg_is_of_another_encoder(
