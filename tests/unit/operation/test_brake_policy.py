@@ -22,6 +22,7 @@ from gantryctl.operation.brake_policy import (
     why_brake_failed,
 )
 from gantryctl.operation.client import BrakeDue
+from gantryctl.operation.opening import open_axis
 from gantryctl.operation.store import TIME_FORMAT
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.program.alarms.reason import ClearedBy
@@ -29,7 +30,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.runtime import Retained
 from gantryctl.wiring.program import axis_settings
 
-from .kept_bench import IDEAL, MACHINE, NEW, REAL, an_axis
+from .kept_bench import IDEAL, MACHINE, NEW, REAL, an_axis, kept_machine
 
 approx = pytest.approx
 NOW = datetime(2026, 6, 15, 12, 0, 0, tzinfo=UTC)
@@ -197,3 +198,10 @@ def test_the_axis_is_told_whether_its_brake_test_is_overdue(days_ago: float, ove
     at = (datetime.now(UTC) - timedelta(days=days_ago)).strftime(TIME_FORMAT)
     judge_due(MACHINE, axis, replace(NEW, brake_tested_at=at), 0)
     assert told == [overdue]
+
+
+def test_a_machine_whose_brake_has_failed_opens_with_that_alarm() -> None:
+    """Before any scan: what asks the axis itself must not find it sound."""
+    with kept_machine(IDEAL, brake_failed="bore 10 N m") as store:
+        opened = open_axis(IDEAL, store)
+    assert Code.BRK_08 in opened.program.axis.alarms.active

@@ -332,4 +332,4 @@ def test_a_command_that_has_not_begun_goes_nowhere():
         None,
     )
     assert command.alive
-    assert not (command.endless or command.settles or command.held)
+    assert (command.endless, command.settles, command.held) == (False, False, False)
