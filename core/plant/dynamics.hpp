@@ -282,7 +282,7 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, An
   T on_ring = f.first.on_ring;
   if constexpr (kTwo) {
     f.second = train_forces(plant, plant.second_gear, second_train(x), anchor.second, anchor.thermal,
-                            mask<T>(false), T(0.0), rho, rho + p.second_angle_rad, vel_ring);
+                            mask<T>(false), T{}, rho, rho + p.second_angle_rad, vel_ring);
     const T other = f.second.torque_mesh;
     f.torque_mesh = select(vabs(other) > vabs(f.torque_mesh), other, f.torque_mesh);
     on_ring = on_ring + f.second.on_ring;

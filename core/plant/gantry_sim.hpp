@@ -1,6 +1,8 @@
 // Drive, brake and plant together: what hangs behind a simulated drive port. One call advances one scan.
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <vector>
 
 #include "core/plant/drive.hpp"
@@ -80,8 +82,7 @@ class GantrySim {
     close_cycles_ = brake_close_cycles;
     open_cycles_ = brake_open_cycles;
     timing_ = timing;
-    cycles_per_anchor_ = static_cast<int>(timing.anchor_period_s / timing.cycle_s + 1e-6);
-    if (cycles_per_anchor_ < 1) cycles_per_anchor_ = 1;
+    cycles_per_anchor_ = std::max(1, static_cast<int>(timing.anchor_period_s / timing.cycle_s + 1e-6));
   }
 
   // Standing still at theta0 (S8): servo on and holding the load, or drive off and the closed brake holding
@@ -153,9 +154,9 @@ class GantrySim {
   // One drive cycle of the plant alone, torque u, which two motors share; for tests without a controller.
   void advance(T u, T dt) {
     Anchor<T> anchor = here(0);
-    const T no_limit = T(1e300);
-    step(anchor,
-         plant_.p.second_pinion ? shared(u, drive_.p.preload_nm, no_limit) : MotorTorques<T>{u, T(0.0)}, dt);
+    const T no_limit = T(std::numeric_limits<double>::infinity());
+    step(anchor, plant_.p.second_pinion ? shared(u, drive_.p.preload_nm, no_limit) : MotorTorques<T>{u, {}},
+         dt);
   }
 
   // Torque of the axis, as the drive reports it: of both motors where there are two.

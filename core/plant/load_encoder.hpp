@@ -29,10 +29,9 @@ template <class T>
 T scale_error(const LoadEncoderParams<T>& p, T angle) {
   T sum = T(0.0);
   for (const ScaleTerm<T>& t : p.scale) {
-    const auto present = negate(t.amplitude_rad == T(0.0));
-    if (!any(present)) continue;
+    if (!any(negate(t.amplitude_rad == T(0.0)))) continue;
     const T wave = sincos(t.waves * angle + t.phase_rad).sin - sincos(t.phase_rad).sin;
-    sum = select(present, sum + t.amplitude_rad * wave, sum);
+    sum = sum + t.amplitude_rad * wave;
   }
   return sum;
 }
@@ -55,7 +54,7 @@ inline double reading_noise(std::uint64_t n) {
 template <class T>
 T load_encoder_reading(const LoadEncoderParams<T>& p, T pos, T vel, T n) {
   const T at = pos - vel * p.latency_s;
-  T noise = T(0.0);
+  T noise{};
   for (int k = 0; k < kLanes<T>; ++k)
     set_lane(noise, k, reading_noise(static_cast<std::uint64_t>(lane(n, k))));
   const T seen = at + scale_error(p, at) + p.noise_rad * noise;

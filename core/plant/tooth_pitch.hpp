@@ -12,7 +12,7 @@ namespace gantry::GANTRY_ISA {
 template <class T, class Deviation>
 RingError<T> pitch_error(T pos, T units, T units_per_rad, T contact_ratio, const Deviation& deviation) {
   const T tooth = vround(units - T(0.5));  // the last one passed
-  T here = T(0.0), next = T(0.0);
+  T here{}, next{};
   for (int k = 0; k < kLanes<T>; ++k) {
     const double number = lane(tooth, k);
     const long n = vabs(number) < 1e9 ? static_cast<long>(number) : 0;  // NaN is none

@@ -15,6 +15,7 @@ namespace gantry::example {
 
 constexpr double kRatio = 1144.0;
 constexpr double kCycle = 125e-6;
+constexpr double kQuarter = 1.570796326794896619;
 constexpr double kTs = 1e-3;          // a scan
 constexpr double kMm = 1e-3 / 2.366;  // a millimetre on the ring, rad
 constexpr double kFineCount = 6.283185307179586 / (2048.0 * 2048.0);

@@ -11,9 +11,8 @@ namespace gantry {
 namespace {
 
 using State = PlantState<double>;
+using example::kQuarter;
 using example::simple_plant;
-
-constexpr double kQuarter = 1.570796326794896619;
 
 Forces<double> at(const PlantParams<double>& p, const State& x, bool brake_closed = false,
                   double time = 0.0) {

@@ -8,7 +8,7 @@
 namespace gantry {
 namespace {
 
-constexpr double kQuarter = 1.570796326794896619;
+using example::kQuarter;
 
 // At a quarter turn an eccentric moment of 100 N m and a wind of 30 N m drive the load, cables of 20 N m too.
 PlantParams<double> loaded() {
