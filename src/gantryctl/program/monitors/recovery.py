@@ -26,8 +26,8 @@ _QUICK_STOP_S: Final = 4.0
 _PERHAPS_ENABLED: Final = (DriveState.SWITCHED_ON, DriveState.UNKNOWN)
 # After these the contact of the brake is known to have been wrong about it.
 _CONTACT_LIED: Final = (Code.BRK_06, Code.BRK_14)
-# A contact shows a brake so long after it has caught the shaft, at most. A sound reading changes for longer, since the
-# load swings on: in 240 stops without torque by 160 ms and more (three machines, to 0.7 deg/s, also 8192 counts).
+# A contact shows a brake so long after it has caught the shaft, at most. Of a fine encoder a sound reading changes for
+# 160 ms and more behind the brake, since the load swings on; of 8192 counts a turn it may stand after 8 ms.
 _CONTACT_S: Final = 0.05
 # From the last speed to a reading that stands: a scan in part, and one for the speed that is told.
 _STANDS_SCANS: Final = 3
