@@ -90,7 +90,7 @@ class Board:
 
 def offered(step: Step) -> bool:
     """Whether the page has this step: neither a person's hands at the inputs nor an instrument are on a page."""
-    return step.required
+    return step.required and not step.by_hand
 
 
 def _row(step: Step, work: Commissioning) -> dict[str, Any]:

@@ -124,4 +124,4 @@ class RingEncoder:
         if self.node.lost or watch.data is None:
             return math.nan
         angle = self.angle.read(int.from_bytes(watch.data[:4], "little"), watch.age)
-        return math.nan if any(watch.data[4:]) else angle
+        return math.nan if any(watch.data[4:6]) else angle
