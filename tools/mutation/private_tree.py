@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,13 @@ from mutation.mutant import Change
 
 _NOT_COPIED = ("hmi/", "docs/hmi/", "docs/tutorials/")
 """Large, and read by tests of `tests/system` alone."""
+_FIRST = "build/first"
+"""Folder on the path of every process that is started here, for the module that Python imports first."""
+_COPY_FIRST = """import sys
+
+# An editable install would find the work tree first.
+sys.meta_path[:] = [finder for finder in sys.meta_path if "Redirecting" not in type(finder).__name__]
+"""
 
 
 class PrivateTree:
@@ -47,18 +55,20 @@ class PrivateTree:
         configs = folder / SOURCES / "configs"
         if not configs.exists():
             configs.symlink_to(folder / "configs")
+        first = folder / _FIRST / "sitecustomize.py"
+        first.parent.mkdir(parents=True, exist_ok=True)
+        first.write_text(_COPY_FIRST, encoding="utf-8")
         self._changes = 0
 
     def enter(self) -> None:
         """Make this process, and those that it starts, use the copy."""
         os.chdir(self.root)
-        paths = [str(self.root / "src"), str(self.root / "tests")]
+        paths = [str(self.root / name) for name in ("src", "tests", _FIRST)]
         os.environ["PYTHONPATH"] = os.pathsep.join(paths)
         os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
         sys.dont_write_bytecode = True
         sys.path[:0] = paths
-        # An editable install would find the work tree first.
-        sys.meta_path[:] = [finder for finder in sys.meta_path if "Redirecting" not in type(finder).__name__]
+        runpy.run_path(str(self.root / _FIRST / "sitecustomize.py"))
         for name in [name for name in sys.modules if name.partition(".")[0] == "gantryctl"]:
             del sys.modules[name]
         found = importlib.util.find_spec("gantryctl")

@@ -123,6 +123,19 @@ def test_a_scale_stretches_the_stops_of_a_table_where_they_were(sign: float, slo
     assert row.sensitivity == pytest.approx(slope, rel=1e-5)
 
 
+def test_the_error_of_a_base_is_in_every_chord_of_its_row() -> None:
+    """Two rows, 2.1 and 1.9 deg at 5 deg, -0.9 and -1.1 at 10: S is their distance by sqrt(2) in both columns.
+
+    A base that reads 1 more leaves all chords of its row 1 less: both S shrink by 1 / sqrt(2), and A by 2 x 3 of them.
+    """
+    rows = tuple(RowKey(base, Direction.CCW) for base in (0.0, 90.0))
+    table = ErrorTable(rows, (0.0, 5.0, 10.0), np.array([[0.0, 2.1, -0.9], [0.0, 1.9, -1.1]]))
+    base = Source("base", 1e-4, "deg", "normal", lambda a, _: np.eye(len(a))[:, :1])
+    assert table_budget(table, "t", [base]).contributions[0].sensitivity == pytest.approx(
+        6.0 / math.sqrt(2.0), rel=1e-5
+    )
+
+
 def test_the_first_stop_is_read_a_stop_after_the_start() -> None:
     assert stop_times_s(3).tolist() == [15.0, 30.0, 45.0]
 

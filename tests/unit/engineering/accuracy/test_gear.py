@@ -148,6 +148,18 @@ def test_the_evidence_is_the_density_of_the_table() -> None:
         assert model.log_evidence(grade, reading) == pytest.approx(density.logpdf(model.errors_deg), rel=1e-9)
 
 
+def test_two_grades_are_twice_the_amplitude_and_leave_readings_and_windup_as_they_are() -> None:
+    """Tolerances of ISO 1328-1 grow by sqrt(2) a grade: four times the variance of two grades less."""
+    model = GearModel(PAPER_TABLE, WAVES, 0.0)
+    readings = model.covariance(8.0, 0.001) - model.covariance(8.0, 0.0)
+    gear_8 = model.covariance(8.0, 0.0)
+    assert model.covariance(10.0, 0.001) == pytest.approx(4.0 * gear_8 + readings, rel=1e-9)
+    assert model.covariance(6.0, 0.001) == pytest.approx(0.25 * gear_8 + readings, rel=1e-9)
+    wound = GearModel(PAPER_TABLE, WAVES, WINDUP_RAD)
+    windup = wound.covariance(8.0, 0.0) - gear_8
+    assert wound.covariance(10.0, 0.0) == pytest.approx(4.0 * gear_8 + windup, rel=1e-9)
+
+
 def test_the_prediction_is_that_of_the_coefficients(monkeypatch: pytest.MonkeyPatch) -> None:
     """Conjugate regression in the space of the waves: (S^-1 + X'N^-1 X)^-1 X'N^-1 y, another way to the same mean."""
     model = GearModel(PAPER_TABLE, WAVES, 0.0)

@@ -93,6 +93,73 @@ def test_the_turning_point_of_procedure_c_is_reached_from_below_only() -> None:
     assert figures.warnings == ()
 
 
+def repeated(
+    base: float, way: Direction, runs: int, errors: tuple[float, ...]
+) -> list[tuple[RowKey, tuple[float, ...]]]:
+    """The same row so many times: no scatter."""
+    return [(RowKey(base, way, run + 1), errors) for run in range(runs)]
+
+
+def table_of(
+    series: list[tuple[RowKey, tuple[float, ...]]], displacements: tuple[float, ...], layout: Layout
+) -> ErrorTable:
+    return ErrorTable(
+        tuple(key for key, _ in series), displacements, np.array([row for _, row in series]), layout
+    )
+
+
+def test_up_and_down_on_the_same_stops_by_hand() -> None:
+    """Up 1, 2 and 4 too far at 5, 10 and 20 deg, so it turns at 24.
+
+    Back by 5, 10 and 20 with errors of -1, 0 and 3: it stands at 20, 14 and 1. That is 4 beyond 10 and 1 beyond 0; 15
+    is no stop of the way up, and 5 none of the way back.
+    """
+    up, down = (0.0, 1.0, 2.0, 4.0), (0.0, -1.0, 0.0, 3.0)
+    series = repeated(0.0, Direction.CCW, 5, up) + repeated(0.0, Direction.CW, 5, down)
+    figures = iso230_2(table_of(series, (0.0, 5.0, 10.0, 20.0), Layout.RETURN))
+    assert [each.mean_up_deg for each in figures.positions] == [0.0, 1.0, 2.0, 4.0]
+    assert [each.mean_down_deg for each in figures.positions] == [1.0, None, 4.0, None]
+    # B is up less down: the axis stands too high on its way back.
+    assert [each.reversal_deg for each in figures.positions] == [-1.0, None, -2.0, None]
+    assert (figures.reversal_deg, figures.mean_reversal_deg) == (2.0, -1.5)
+    assert (figures.repeatability_deg, figures.repeatability_up_deg) == (2.0, 0.0)
+    # E: 0 to 4 up, 1 to 4 down; M: the means 0.5 and 3 of the two stops that both ways reach.
+    assert (figures.systematic_up_deg, figures.systematic_down_deg, figures.systematic_deg) == (4.0, 3.0, 4.0)
+    assert figures.mean_bidirectional_deg == 2.5
+    assert (figures.accuracy_up_deg, figures.accuracy_down_deg, figures.accuracy_deg) == (4.0, 3.0, 4.0)
+    assert figures.same_positions
+
+
+def test_stops_of_tenths_of_a_degree_are_met_on_the_way_back() -> None:
+    """0.3 - 0.1 is not 0.2 to the last bit."""
+    displacements = (0.0, 0.1, 0.2, 0.3)
+    series = [each for way in Direction for each in repeated(0.0, way, 5, (0.0, 1.0, 2.0, 3.0))]
+    figures = iso230_2(table_of(series, displacements, Layout.RETURN))
+    # Back by 0.1, 0.2 and 0.3 from 3 too far: 2, 1 and 0 are left.
+    assert [each.mean_down_deg for each in figures.positions] == [0.0, 1.0, 2.0, None]
+    assert figures.reversal_deg == 0.0
+
+
+@pytest.mark.parametrize("layout", [Layout.APART, Layout.RETURN])
+@pytest.mark.parametrize("base_more", [0.0, 90.0])
+@pytest.mark.parametrize("ways_more", [(Direction.CCW,), (Direction.CW,), tuple(Direction)])
+def test_a_series_that_was_repeated_once_more_is_cut(
+    layout: Layout, base_more: float, ways_more: tuple[Direction, ...]
+) -> None:
+    """Five runs of everything, and a sixth of one base, one way or both, that is far off: it is in no figure."""
+    series = []
+    for base, error in ((0.0, 1.0), (90.0, 2.0)):
+        for way in Direction:
+            series += repeated(base, way, 5, (0.0, error))
+            if base == base_more and way in ways_more:
+                series.append((RowKey(base, way, 6), (0.0, 50.0)))
+    figures = iso230_2(table_of(series, (0.0, 5.0), layout))
+    assert [(each.base_deg, each.displacement_deg, each.mean_up_deg) for each in figures.positions] == [
+        (0.0, 0.0, 0.0), (0.0, 5.0, 1.0), (90.0, 0.0, 0.0), (90.0, 5.0, 2.0),
+    ]  # fmt: skip
+    assert (figures.repeatability_deg, figures.reversal_deg) == (0.0, 0.0)
+
+
 def test_steps_are_not_positions() -> None:
     procedure = chord_procedure("A", runs=5, chord=Chord.ADJACENT)
     assert procedure.layout is Layout.STEPS

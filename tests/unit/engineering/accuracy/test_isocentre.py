@@ -144,3 +144,22 @@ def test_no_other_centre_has_a_smaller_circle() -> None:
     for dx, dz in ((0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01), (0.001, 0.001)):
         worst = np.max(np.abs((x + dx) * np.cos(t) - (z + dz) * np.sin(t) - iso.lateral_mm))
         assert worst >= iso.star_radius_mm
+
+
+def test_the_tube_leans_by_what_one_ring_lifts_and_the_nozzle_goes_with_it() -> None:
+    """Rollers at 60 deg and three waves lift the front ring alone: z by up to 200 um, x stays; the rings are 5 m apart.
+
+    A tube whose front goes up by z turns about x by -z / 5 m: at 0 deg that is about u_t, at 90 deg, where u_t points
+    down, it is about u_r. The nozzle at the place of the rear ring stays, half way it has half of z.
+    """
+    changes = {"front_track_um": (0.0, 100.0), "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
+               "roller_angle_deg": 60.0, "ring_distance_m": 5.0}  # fmt: skip
+    at_front, between, at_rear = (found(changes | {"nozzle_place": place}) for place in (0.0, 0.5, 1.0))
+    lifted_mm = at_front.shift_mm[:, 2]
+    assert np.max(np.abs(lifted_mm)) > 0.1
+    assert between.shift_mm[:, 2] == pytest.approx(0.5 * lifted_mm, abs=1e-12)
+    assert at_rear.shift_mm[:, 2] == pytest.approx(0.0 * lifted_mm, abs=1e-12)
+    lean_mrad = -lifted_mm / 5.0
+    top, side = ANGLES == 0.0, ANGLES == 90.0
+    assert between.tilt_mrad[top][0] == pytest.approx([lean_mrad[top][0], 0.0, 0.0], abs=1e-12)
+    assert between.tilt_mrad[side][0] == pytest.approx([0.0, 0.0, lean_mrad[side][0]], abs=1e-12)

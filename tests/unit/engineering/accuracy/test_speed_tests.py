@@ -13,6 +13,7 @@ from gantryctl.engineering.accuracy.speed_test import (
     _by_ring,
     _evaluate,
     _moves,
+    _of_log,
     _Speeds,
     run_speed,
     speed_test_on,
@@ -51,6 +52,21 @@ def speeds(sign: float, ref: list[float], motor_less: list[float], load_less: li
     set_point = np.array(ref)
     load = None if load_less is None else sign * (set_point - load_less)
     return _Speeds(0.5, sign * set_point, sign * (set_point - motor_less), load)
+
+
+def test_a_log_of_the_simulation_has_the_motor_before_the_reducer() -> None:
+    """1144 deg/s of the motor are one of the gantry; the load turns at half of it, and twice that was wanted."""
+    rows = {"vel_ref_rad_s": 2.0, "vel_motor_rad_s": 1144.0, "vel_load_rad_s": 0.5}
+
+    class Log(dict[str, np.ndarray]):
+        period_s = 0.004
+
+    log = Log({name: np.radians([value]) for name, value in rows.items()})
+    found = _of_log(default_machine(), log)  # type: ignore[arg-type]
+    assert found.load_deg_s is not None
+    assert (found.period_s, *found.ref_deg_s, *found.motor_deg_s, *found.load_deg_s) == pytest.approx(
+        (0.004, 2.0, 1.0, 0.5)
+    )
 
 
 REF = [0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0]

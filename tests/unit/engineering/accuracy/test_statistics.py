@@ -69,6 +69,13 @@ def test_one_direction_has_no_reversal_and_no_figure_by_direction() -> None:
     assert figures.warnings == ("S comes from 2 rows only; three bases both ways give six",)
 
 
+@pytest.mark.parametrize(("count", "few"), [(5, True), (6, False)])
+def test_s_of_less_than_six_rows_is_said(count: int, few: bool) -> None:
+    rows = [(float(base), "ccw", (0.0, 1e-3)) for base in range(count)]
+    warnings = statistics(table_from_rows(rows, (0.0, 5.0))).warnings
+    assert warnings == ((f"S comes from {count} rows only; three bases both ways give six",) if few else ())
+
+
 def test_one_row_is_refused() -> None:
     with pytest.raises(UsageError, match="at least 2 rows"):
         statistics(table_from_rows([(0.0, "ccw", (0.0, 1e-3))], (0.0, 5.0)))
