@@ -10,12 +10,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import uvicorn
 from starlette.requests import Request
 from starlette.websockets import WebSocket
 
 from gantryctl.gateway import access as access_module
 from gantryctl.gateway import peers
 from gantryctl.gateway.access import COOKIE, Access
+from gantryctl.gateway.door import Door
 from gantryctl.gateway.guard import CSP, Guard, _limited
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.routes import API, ROUTES
@@ -174,7 +176,7 @@ def guard(access: Access, session: Any = None) -> Guard:
     ("headers", "status"),
     [
         ([(b"host", HERE)], None), ([(b"host", b"evil.example")], 403), ([(b"host", b"evil.example:1")], 403),
-        ([], 403),
+        ([], 403), ([(b"host", b"LocalHost:1")], None),
         ([(b"host", HERE), (b"content-length", str(BODY_MAX).encode())], None),
         ([(b"host", HERE), (b"content-length", str(BODY_MAX + 1).encode())], 413),
         ([(b"host", HERE), (b"content-length", b"-1")], 413), ([(b"host", b"127.0.0.1:2")], 403),
@@ -203,6 +205,20 @@ def test_a_body_in_parts_ends_at_its_limit() -> None:
         return [(await limited())["type"] for _ in range(2)]
 
     assert asyncio.run(two()) == ["http.request", "http.disconnect"]
+
+
+@pytest.mark.parametrize(("more", "kinds"), [(0, ["request"] * 2), (1, ["request", "disconnect"])])
+def test_a_body_of_64_kib_is_whole_and_a_byte_more_is_cut_off(more: int, kinds: list[str]) -> None:
+    parts = iter([b"x" * (BODY_MAX - 1), b"x" * (1 + more)])
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": next(parts), "more_body": True}
+
+    async def both() -> list[str]:
+        limited = _limited(receive)
+        return [(await limited())["type"] for _ in range(2)]
+
+    assert asyncio.run(both()) == [f"http.{kind}" for kind in kinds]
 
 
 def test_strangers_and_logins_wait_and_who_is_logged_in_does_not(access: Access) -> None:
@@ -244,6 +260,14 @@ def test_only_a_page_behind_tls_asks_for_it_the_next_time(access: Access, certif
     asyncio.run(door._with_headers(send)({"type": "http.response.start", "status": 200, "headers": []}))
     names = {name for name, _ in sent[0]["headers"]}
     assert (b"strict-transport-security" in names) is (certificate is not None)
+
+
+def test_a_remote_address_has_eight_connections_and_this_machine_64(access: Access) -> None:
+    """Of HTTP and of WebSockets alike: a flood from one place leaves room for the others."""
+    for address, most in (("192.0.2.7", 8), ("2001:db8::7", 8), ("127.0.0.1", 64)):
+        http = Door(uvicorn.Config(lambda: None))
+        for places in (Live(access, access.hub)._places, http._places):
+            assert [places.take(address) is not None for _ in range(most + 1)] == [True] * most + [False]
 
 
 @pytest.mark.parametrize(("proved", "place"), [(True, "console"), (False, "remote")])
@@ -291,6 +315,57 @@ def test_a_websocket_of_another_page_or_of_nobody_is_refused(
     connection = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
     asyncio.run(Live(access, access.hub).serve(WebSocket(connection, receive, send)))
     assert sent == ["websocket.close"]
+
+
+@pytest.mark.parametrize("place", ["console", "remote"])
+def test_a_websocket_is_of_its_person_and_at_its_place(
+    access: Access, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    """Two accounts of one person are no two persons, and only the console of the machine is one."""
+    seen: list[tuple[object, ...]] = []
+
+    def connect(*who: object) -> None:
+        seen.append(who)
+        raise asyncio.CancelledError
+
+    async def receive() -> Any:
+        return {"type": "websocket.connect"}
+
+    async def send(_: Any) -> None:
+        pass
+
+    cookie = cookie_of(access, Role.VIEWER)
+    session = access.session(Request(scope(headers=[cookie])))
+    assert session is not None
+    session.person = "Eve"
+    monkeypatch.setattr(access.sessions, "lives", lambda _: True)
+    monkeypatch.setattr(access, "place", lambda _: place)
+    monkeypatch.setattr(access.hub, "connect", connect)
+    headers = [cookie, (b"origin", b"http://127.0.0.1:1")]
+    connection = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(Live(access, access.hub).serve(WebSocket(connection, receive, send)))
+    assert seen == [("viewer", Role.VIEWER, place, "Eve")]
+
+
+@pytest.mark.parametrize(("origin", "status"), [(b"http://evil.example", 403), (b"http://127.0.0.1:1", 401)])
+def test_a_page_of_ours_without_a_session_is_told_to_log_in(
+    access: Access, origin: bytes, status: int
+) -> None:
+    sent: list[Any] = []
+
+    async def receive() -> Any:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    connection = {
+        "type": "websocket", "client": ("127.0.0.1", 1), "headers": [(b"origin", origin)],
+        "extensions": {"websocket.http.response": {}},
+    }  # fmt: skip
+    asyncio.run(Live(access, access.hub).serve(WebSocket(connection, receive, send)))
+    assert sent[0]["status"] == status
 
 
 def test_only_files_of_the_folder_itself_are_recordings(tmp_path: Path) -> None:
