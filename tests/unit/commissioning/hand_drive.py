@@ -114,7 +114,12 @@ class HandDrive:
 
 
 def axis_of(
-    drive: HandDrive, leash_deg: float = 10.0, *, following: bool = True, halt: Halt | None = None
+    drive: HandDrive,
+    leash_deg: float = 10.0,
+    *,
+    start_deg: float = 0.0,
+    following: bool = True,
+    halt: Halt | None = None,
 ) -> OpenLoopAxis:
     watch = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), halt or Halt())
     retained = Retained("m", "h")
@@ -122,7 +127,7 @@ def axis_of(
         MACHINE,
         drive,
         drive.read(),
-        0.0,
+        start_deg,
         leash_deg,
         retained,
         watch,

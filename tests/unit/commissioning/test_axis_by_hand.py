@@ -76,6 +76,57 @@ def test_a_speed_outside_of_the_band_is_stopped_on_either_side(shown_deg_s: floa
         axis.run(PERIOD_S, speed_deg_s=0.3)
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize(("behind_deg", "stops"), [(0.45, False), (0.55, True), (-0.45, False), (-0.55, True)])
+def test_a_gantry_may_be_as_far_behind_as_0_15_s_of_its_speed_make(
+    direction: float, behind_deg: float, stops: bool
+) -> None:
+    """0.05 deg and 0.45 deg at 3 deg/s, either way, also in the scan in which the command has just become 0."""
+    drive, axis = enabled()
+    axis.ramp_to(direction * 3.0, 5.0)
+    counts = direction * behind_deg * COUNTS_PER_DEG
+    drive.spoil = lambda seen: seen._replace(pos_act_counts=round(seen.pos_act_counts - counts))
+    if stops:
+        with pytest.raises(AlarmStop, match="apart are allowed"):
+            axis.scan(ENABLE, direction * 3.0)
+    else:
+        axis.run(0.1, speed_deg_s=direction * 3.0)
+        axis.scan(ENABLE, 0.0)
+
+
+def test_a_ramp_goes_from_the_speed_that_is_there_to_the_one_that_is_wanted() -> None:
+    """1 deg/s2 are 0.004 deg/s in a scan: 0.004 to 0.3 deg/s, then 0.296 to -0.3 deg/s."""
+    drive, axis = enabled()
+    for wanted, steps in ((0.3, range(1, 76)), (-0.3, range(74, -76, -1))):
+        drive.wrote.clear()
+        axis.ramp_to(wanted, 1.0)
+        told = [math.degrees(output.vel_cmd_rad_s) / 1144 for output in drive.wrote]
+        assert told == pytest.approx([0.004 * step for step in steps], abs=1e-9)
+
+
+def test_the_way_of_a_command_begins_where_the_drive_was_enabled() -> None:
+    """It may have been turned by hand before."""
+    drive = HandDrive()
+    axis = axis_of(drive)
+    for turned_deg in (0.3, -0.6):
+        drive.deg += turned_deg
+        axis.run(0.1, DriveRequest.DISABLE)
+        axis.enable()
+        axis.run(0.1, speed_deg_s=0.3)
+
+
+@pytest.mark.parametrize(("start_deg", "shown_deg"), [(90.0, 90.3), (-90.0, -89.7), (math.nan, None)])
+def test_people_see_the_angle_of_the_gantry_and_its_speed(start_deg: float, shown_deg: float | None) -> None:
+    """A second at 0.3 deg/s from where it stood; without a zero offset nobody knows the angle."""
+    axis = axis_of(HandDrive(), start_deg=start_deg)
+    axis.enable()
+    axis.run(1.0, speed_deg_s=0.3)
+    seen = axis._watch.seen
+    assert seen is not None
+    assert seen.angle_deg == (None if shown_deg is None else pytest.approx(shown_deg, abs=1e-6))
+    assert seen.speed_deg_s == pytest.approx(0.3)
+
+
 def test_an_axis_that_follows_goes_on() -> None:
     _, axis = enabled()
     for speed in (0.3, -0.3):
@@ -153,6 +204,22 @@ def test_torque_off_and_brake_are_confirmed_by_what_the_drive_shows_now(
     assert not any(output.brake_open for output in drive.wrote[-20:])
 
 
+def test_a_silence_ends_before_torque_off_is_commanded() -> None:
+    """A drive that is silenced sends nothing, also no SAFE_OUTPUT."""
+    drive, axis = enabled()
+    drive.silent_process_data = drive.silent_heartbeat = True
+    silent: list[bool] = []
+    write = drive.write
+
+    def heard(output: Any) -> None:
+        silent.append(drive.silent_process_data or drive.silent_heartbeat)
+        write(output)
+
+    drive.write = heard  # type: ignore[method-assign]
+    axis.break_off()
+    assert not any(silent)
+
+
 def test_a_gantry_that_turns_on_is_not_said_to_be_off() -> None:
     drive, axis = enabled()
     turned = [0]
@@ -193,7 +260,13 @@ def test_a_bit_12_that_is_always_1_is_told() -> None:
     axis.run(4 * PERIOD_S, DriveRequest.DISABLE)
     with pytest.raises(AlarmStop, match="bit 12"):
         axis.run(PERIOD_S, DriveRequest.DISABLE)
+    # Not one that is 0 in between, however often.
+    axis = axis_of(drive)
+    for status in (0x1240, 0x1240, 0x0240) * 5:
+        drive.process.statusword = status
+        axis.run(PERIOD_S, DriveRequest.DISABLE)
     # Enabled it is what it should be.
+    drive.process.statusword = 0x1240
     axis = axis_of(drive)
     axis.enable()
     axis.run(0.1)

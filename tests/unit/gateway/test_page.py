@@ -46,6 +46,12 @@ def test_files_are_served_packed_and_by_tag(folder: Path) -> None:
     assert page.answer(request("/assets/a.js")).media_type == "text/javascript"
 
 
+def test_what_would_be_larger_is_not_packed(folder: Path) -> None:
+    (folder / "dot.txt").write_bytes(b"x")
+    answer = Page(folder).answer(request("/dot.txt", accept_encoding="gzip"))
+    assert (bytes(answer.body), answer.headers.get("content-encoding")) == (b"x", None)
+
+
 @pytest.mark.parametrize(
     "path", ["/secret", "/../secret", "/assets/../../secret", "/link", "//", "/assets", "/assets/"]
 )

@@ -222,6 +222,18 @@ def test_who_has_been_idle_for_longest_makes_room() -> None:
     assert closed == ["second", "first"]
 
 
+def test_where_no_place_is_left_at_all_the_largest_crowd_makes_room() -> None:
+    """Two of one address and one of another, all idle: whoever comes takes the place of the two."""
+    places = Places(3, loopback=3, remote=3)
+    closed: list[str] = []
+    for address in ("192.0.2.1", "192.0.2.2", "192.0.2.2"):
+        place = places.take(address)
+        assert place is not None
+        place.rest(lambda address=address: closed.append(address))  # type: ignore[misc]
+    assert places.take("192.0.2.3") is not None
+    assert closed == ["192.0.2.2"]
+
+
 def test_all_addresses_together_have_so_many() -> None:
     places = Places(door.WAITING, loopback=CONNECTIONS, remote=CONNECTIONS_REMOTE)
     assert sum(places.take(f"192.0.2.{n // 4}") is not None for n in range(1000)) == door.WAITING

@@ -164,3 +164,17 @@ def test_the_rate_limit_gives_its_reserve_then_its_rate_to_each_address() -> Non
         clock.s += 1.0 / 128.0  # exact in binary
         allowed += limit.wait_s("a") == 0.0
     assert allowed == 100  # 10 s at 10 a second
+
+
+def test_who_logs_in_counts_to_the_crowd_of_its_peer(tmp_path: Path) -> None:
+    """Eight sessions of each of two peers: the ninth of one ends its own that was unused for longest, no other."""
+    sessions, users, clock = made(tmp_path)
+    anna, opened = users.all()["anna"], []
+    for n in range(SESSIONS_OF_USER):
+        clock.s += 1.0
+        opened.append(sessions.open(anna, ("there", "here")[n % 2]))
+    for peer in ("here", "there"):
+        oldest = next(each for each in opened if each.peer == peer)
+        new = sessions.open(anna, peer)
+        assert [each for each in opened if not sessions.lives(each)] == [oldest]
+        opened = [*(each for each in opened if each is not oldest), new]
