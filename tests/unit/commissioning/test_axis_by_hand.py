@@ -12,7 +12,7 @@ from gantryctl.commissioning import open_loop_axis
 from gantryctl.commissioning.results import Figure, Outcome, failed, judged, passed
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
-from gantryctl.image import DriveFeedback, DriveRequest, DriveState, LinkFlag
+from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, LinkFlag
 from gantryctl.operation.client import Stop
 from gantryctl.runtime import Retained
 from unit.commissioning.hand_drive import (
@@ -77,7 +77,9 @@ def test_a_speed_outside_of_the_band_is_stopped_on_either_side(shown_deg_s: floa
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize(("behind_deg", "stops"), [(0.45, False), (0.55, True), (-0.45, False), (-0.55, True)])
+@pytest.mark.parametrize(
+    ("behind_deg", "stops"), [(0.45, False), (0.55, True), (-0.45, False), (-0.55, True)]
+)
 def test_a_gantry_may_be_as_far_behind_as_0_15_s_of_its_speed_make(
     direction: float, behind_deg: float, stops: bool
 ) -> None:
@@ -298,6 +300,32 @@ def test_a_person_ends_it_and_a_drive_that_was_lost_is_started_to_be_told() -> N
         axis.scan(ENABLE)
     assert not drive.lost
     assert drive.state is S.SWITCH_ON_DISABLED
+
+
+def test_a_stop_ends_also_what_is_only_shown() -> None:
+    """A lamp that a person looks at, with the drive off."""
+    halt, drive = Halt(), HandDrive()
+    axis = axis_of(drive, halt=halt)
+    lamp = SAFE_OUTPUT._replace(lamp=True)
+    axis.show(lamp, 0.1)
+    assert drive.wrote == [lamp] * 25
+    drive.wrote.clear()
+    halt.ask(Stop.RAMP, "stopped by anna")
+    with pytest.raises(StepStopped, match="stopped by anna"):
+        axis.show(lamp, 0.1)
+    assert not any(output.lamp for output in drive.wrote)
+
+
+@pytest.mark.parametrize(("state", "resets"), [(S.FAULT, True), (S.SWITCH_ON_DISABLED, False)])
+def test_after_a_silence_the_fault_that_it_caused_is_cleared(state: DriveState, resets: bool) -> None:
+    drive = HandDrive()
+    axis = axis_of(drive)
+    drive.state = state
+    axis.wake()
+    assert drive.state is S.SWITCH_ON_DISABLED
+    assert any(output.request is DriveRequest.FAULT_RESET for output in drive.wrote) is resets
+    # Nothing is asked for before.
+    assert {output.request for output in drive.wrote[:25]} == {DriveRequest.DISABLE}
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------

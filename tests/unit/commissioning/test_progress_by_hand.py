@@ -15,11 +15,12 @@ from gantryctl.commissioning import run as commissioning_run
 from gantryctl.commissioning.results import Figure, Progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
 from gantryctl.commissioning.watch import Halt, StepStopped
-from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.machine import configs_folder, load_machine
+from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.machine import configs_folder, load_machine, with_values
+from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Stop
 from gantryctl.operation.ledger import Standing
-from gantryctl.operation.ledger.rows import RAMP_DEG_S2
+from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM
 from gantryctl.operation.proofs import load_record, record_path
 from gantryctl.operation.store import StateStore
 
@@ -47,6 +48,22 @@ def test_proofs_of_another_configuration_do_not_count(
     with StateStore(MACHINE, tmp_path) as store:
         work = Commissioning(MACHINE, store, tmp_path, lambda line: None, lambda asked: True)
         assert (list(work.progress.results), work.resumed) == ((["identity"], True) if own else ([], False))
+
+
+def test_two_commissionings_that_showed_the_same_have_one_hash() -> None:
+    """Whoever did it, and when: of another machine, configuration, drive, outcome, proof or figure it is another."""
+    result = StepResult("ramp", P, "as it was", {"dec_deg_s2": Figure(5.4)})
+    first = Progress("m", "h", "d", results={"ramp": result})
+
+    def hash_with(**changes: Any) -> str:
+        return replace(first, results={"ramp": replace(result, **changes)}).hash
+
+    assert hash_with(seconds=7.0, axis_s=3.0, at="2026-11-20", by="eve") == first.hash
+    others = [
+        hash_with(outcome=F), hash_with(proof="not as it was"), hash_with(figures={"dec_deg_s2": Figure(5.3)}),
+        *(replace(first, **{name: "x"}).hash for name in ("machine", "proven_hash", "drive")),
+    ]  # fmt: skip
+    assert len({first.hash, *others}) == 7
 
 
 def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -193,6 +210,95 @@ def test_the_record_names_what_has_passed_and_what_it_has_measured(
     left = {each.key for each in work.left()}
     assert "identity" not in left
     assert "sign" in left
+
+
+def test_what_cannot_be_tested_is_done_and_what_a_person_does_by_hand_is_never_left(
+    made: Callable[..., Commissioning],
+) -> None:
+    work = made()
+    assert {"wiring", "watchdog"} & {each.key for each in work.left()} == {"watchdog"}
+    work.do(step("watchdog", N))
+    assert "watchdog" not in {each.key for each in work.left()}
+    # Asked for by its name it is run, and again.
+    assert [each.key for each in work.left("wiring")] == ["wiring"]
+    assert [each.key for each in work.left("watchdog")] == ["watchdog"]
+    with pytest.raises(UsageError, match="the steps are identity, encoder"):
+        work.left("nothing")
+
+
+def test_results_are_kept_with_every_step(made: Callable[..., Commissioning]) -> None:
+    """A power cut takes the step under way and no other."""
+    made().do(A)
+    made().do(step("b", F))
+    assert {key: each.outcome for key, each in made().progress.results.items()} == {"a": P, "b": F}
+
+
+def test_the_record_is_of_this_drive_and_the_ledger_of_what_has_passed(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work, asked = made(), list[Any]()
+
+    def read_ledger(*_: object, proofs: Any) -> tuple[()]:
+        asked.append(proofs)
+        return ()
+
+    monkeypatch.setattr(commissioning_run, "read_ledger", read_ledger)
+    work.progress = replace(work.progress, drive="maker 1", software="2.0", nodes=("3 n",))
+    ramp = StepResult("ramp", P, "", {RAMP_DEG_S2: Figure(3.0)})
+    torque = StepResult("torque", F, "", {TORQUE_LIMIT_NM: Figure(385.0)})
+    for each in (A, step("b", F), step("c", N)):
+        work.do(each)
+    for result in (ramp, torque):
+        work.do(Step(result.key, "", "", "", lambda c, result=result: result))
+    record = load_record(work.record())
+    assert record is not None
+    assert (record.machine, record.drive, record.software, record.nodes) == (
+        MACHINE.name, "maker 1", "2.0", ("3 n",)
+    )  # fmt: skip
+    assert record.proven_hash == commissioning_run.proven_hash(MACHINE)
+    proofs = asked[-1]
+    assert (proofs.passed, proofs.failed, proofs.measured) == (
+        {"a", "ramp"}, {"b", "torque"}, {RAMP_DEG_S2: 3.0}
+    )  # fmt: skip
+
+
+def test_the_slow_turn_lasts_as_long_as_its_three_moves() -> None:
+    """To one end, to the other and to the middle: twice the travel at 3 deg/s, and 6 s for the ramps of each move."""
+    turn = next(each for each in STEPS if each.key == "turn")
+    machine = with_values(MACHINE, {"virtual_axis.acc_deg_s2": 0.5})
+    low, high = reach_deg(machine)
+    assert turn.lasts_s(machine) == pytest.approx(2.0 * (high - low) / 3.0 + 3.0 * 6.0)
+
+
+def test_how_far_each_step_may_move_the_gantry() -> None:
+    """Who agrees to less is asked again before more; what moves nothing comes first, the whole travel last."""
+    standing = {"silence", "watchdog", "brake", "torque", "sign"}
+    near, far = {"velocity", "ring", "ramp", "loop", "stops"}, {"turn", "accuracy"}
+    for each in STEPS:
+        reach = (
+            Reach.STANDSTILL if each.key in standing else Reach.NEAR if each.key in near
+            else Reach.TRAVEL if each.key in far else Reach.NOTHING
+        )  # fmt: skip
+        assert each.reach is reach, each.key
+        assert bool(each.moves) is (reach is not Reach.NOTHING)
+    order = [each.key for each in STEPS]
+    moving = [each.reach for each in STEPS if each.reach is not Reach.NOTHING]
+    assert moving == sorted(moving)
+    # A brake is pushed before anything turns, and the sign is known before a loop is closed.
+    wanted = [
+        "parameters",
+        "silence",
+        "brake",
+        "torque",
+        "sign",
+        "velocity",
+        "ring",
+        "ramp",
+        "loop",
+        "stops",
+        "turn",
+    ]
+    assert [key for key in order if key in wanted] == wanted
 
 
 def test_a_machine_with_an_open_row_is_not_complete(

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 import pytest
 
-from gantryctl.commissioning.load_side.ring import _judged, _Standing
-from unit.commissioning.hand_drive import MACHINE
+from gantryctl.commissioning.load_side.ring import (
+    BothEncoders,
+    _judged,
+    _Standing,
+    _standing,
+    over_the_travel,
+)
+from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of
 
 
 def test_each_way_has_its_own_ratio() -> None:
@@ -13,3 +24,47 @@ def test_each_way_has_its_own_ratio() -> None:
     found = _judged(MACHINE, _Standing(0.0, 0.0), _Standing(10.0, 10.0), _Standing(0.0, 5.0))
     names = ("ratio_forward", "ratio_back", "slip_deg")
     assert [found.number(name) for name in names] == pytest.approx([1.0, 0.5, 5.0])
+
+
+@pytest.mark.parametrize("start_deg", [90.0, -90.0])
+def test_the_motor_stands_where_it_was_and_as_far_as_it_has_turned(start_deg: float) -> None:
+    drive = HandDrive()
+    axis = axis_of(drive, start_deg=start_deg)
+    axis.enable()
+    drive.spoil = lambda seen: seen._replace(pos_ring_rad=math.radians(start_deg + 0.4))
+    drive.deg += 0.3
+    axis._begun_deg = axis.angle_deg + 0.3
+    assert _standing(axis) == pytest.approx((start_deg + 0.3, start_deg + 0.4), abs=1e-6)
+
+
+def travel() -> tuple[Any, Any, Any]:
+    """Motor, ring and way: the ring 0.01 deg ahead, 50 ppm longer, 0.004 deg further forward than back."""
+    there = np.linspace(-170.0, 170.0, 35)
+    motor = np.concatenate((there, there[::-1]))
+    forward = np.arange(70) < 35
+    return motor, motor * (1.0 + 50e-6) + 0.01 + np.where(forward, 0.002, -0.002), forward
+
+
+def test_over_the_travel_offset_scale_and_reversal_are_told_apart() -> None:
+    text, figures = over_the_travel(MACHINE, *travel())
+    assert figures["ring_offset_deg"].value == pytest.approx(0.01)
+    assert figures["ring_reversal_deg"].value == pytest.approx(0.004)
+    assert figures["ring_most_apart_deg"].value == pytest.approx(0.01 + 170.0 * 50e-6 + 0.002)
+    assert "ring minus motor +0.0100 deg, +50 ppm of the angle, +0.0040 deg between both ways" in text
+
+
+def test_only_constant_speed_is_compared_over_the_travel() -> None:
+    """What lies between both encoders in a ramp, or at rest, is no part of it."""
+    motor, ring, forward = travel()
+    image = SimpleNamespace(drive=SimpleNamespace(pos_ring_rad=0.0))
+    axis = SimpleNamespace(pos_act_rad=0.0, virtual=SimpleNamespace(vel_ref_rad_s=0.0))
+    run: Any = SimpleNamespace(machine=MACHINE, axis=axis, engine=SimpleNamespace(image=image))
+    encoders = BothEncoders(run)
+    rows = [(m, r, 0.05 if f else -0.05) for m, r, f in zip(motor, ring, forward, strict=True)]
+    for motor_deg, ring_deg, vel in [(-175.0, -150.0, 0.0), *rows, (-175.0, -150.0, -0.02)]:
+        axis.pos_act_rad, axis.virtual.vel_ref_rad_s = math.radians(motor_deg), vel
+        image.drive.pos_ring_rad = math.radians(ring_deg)
+        encoders.look()
+    figures = encoders.compared()[1]
+    assert figures["ring_reversal_deg"].value == pytest.approx(0.004)
+    assert figures["ring_most_apart_deg"].value == pytest.approx(0.0205)

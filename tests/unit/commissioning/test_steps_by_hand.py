@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,6 +20,7 @@ from gantryctl.errors import AlarmStop, DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import with_values
 from gantryctl.operation.ledger.rows import TORQUE_LIMIT_NM
+from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.wiring.program import untestable
 from unit.commissioning.hand_drive import (
     COUNTS_PER_DEG,
@@ -96,6 +98,60 @@ def test_a_push_that_moves_the_gantry_ends_after_its_way(step: Any) -> None:
     assert 0.03 - 0.02 - 0.0043 < drive.deg < 0.03 - 0.02
 
 
+@pytest.mark.parametrize(
+    ("place", "verdict", "counted"),
+    [
+        ("608F:01", ParameterVerdict.OK, False), ("608F:01", ParameterVerdict.ABSENT, True),
+        ("6072:00", ParameterVerdict.OK, True),
+    ],
+)  # fmt: skip
+def test_increments_of_a_turn_are_counted_where_no_object_tells_them(
+    step: Any, monkeypatch: pytest.MonkeyPatch, place: str, verdict: ParameterVerdict, counted: bool
+) -> None:
+    ratios: list[float] = []
+    monkeypatch.setattr(steps_sign, "_counts", lambda c, settings, ratio, *_: ratios.append(ratio) or "")
+    drive = sign_drive(1.1)
+    drive.opened.rows[0].place, drive.opened.rows[0].verdict = place, verdict
+    step(steps_sign, "sign", drive)
+    assert ratios == ([pytest.approx(1.1, abs=0.01)] if counted else [])
+
+
+@pytest.mark.parametrize("shown", [1.0, 0.5])
+def test_a_ceiling_in_r_min_shows_the_increments_of_a_turn(step: Any, shown: float) -> None:
+    """0.08 deg/s are 15.25 r/min of the motor: 15 are set, and twice that is asked for."""
+    drive = HandDrive(shown=shown)
+    write = drive.write
+
+    def at_ceiling(output: Any) -> None:
+        most = drive.sdo.values[0x6080] * 2.0 * math.pi / 60.0
+        write(output._replace(vel_cmd_rad_s=min(output.vel_cmd_rad_s, most)))
+
+    drive.write = at_ceiling  # type: ignore[method-assign]
+    assert step(steps_sign, "_at_ceiling", drive) == pytest.approx(shown, rel=1e-6)
+    assert drive.sdo.values[0x6080] == 15
+
+
+@pytest.mark.parametrize(
+    ("given", "scans"), [([0.95] * 125, 10), ([0.95, *[0.5] * 124], 125), ([*[0.95] * 9, 0.5] * 13, 125)]
+)
+def test_a_lowered_limit_is_reached_when_it_is_held_for_40_ms(given: list[float], scans: int) -> None:
+    """Of 1 N m; a peak, or nine scans of 4 ms again and again, is no limit. A push lasts 0.5 s at the most."""
+    axis: Any = SimpleNamespace(
+        angle_deg=0.0, period_s=PERIOD_S, feedback=None, scanned=0, run=lambda *_: None
+    )
+    process, units = SimpleNamespace(torque_known=True), SimpleNamespace(torque_unit_nm=0.01)
+    axis.drive = SimpleNamespace(process=process, opened=SimpleNamespace(units=units))
+
+    def scan(*_: object) -> None:
+        axis.feedback = SimpleNamespace(torque_act_nm=-given[axis.scanned])
+        axis.scanned += 1
+
+    axis.scan = scan
+    figures: dict[str, Figure] = {}
+    steps_sign._push(axis, {0x6072: 100}, figures)
+    assert (axis.scanned, figures["torque_most_nm"].value) == (scans, 0.95)
+
+
 @pytest.mark.parametrize("index", [0x6072, 0x6080])
 def test_a_limit_that_is_not_lowered_ends_the_step_before_anything_moves(step: Any, index: int) -> None:
     drive = sign_drive()
@@ -157,6 +213,22 @@ def test_the_brake_passes_by_the_torque_that_it_bore_without_slipping(
     assert found.figures["moved_deg"].high == 0.02
     if passes:
         assert (found.number("plus_nm"), found.number("minus_nm")) == pytest.approx((70.0, -70.0), abs=1.5)
+
+
+@pytest.mark.parametrize(("kept_nm", "prepared_nm"), [(30.0, 30.0), (-30.0, -30.0), (None, 0.0)])
+def test_a_brake_test_begins_with_the_torque_that_held_the_load_and_ends_behind_the_brake(
+    monkeypatch: pytest.MonkeyPatch, kept_nm: float | None, prepared_nm: float
+) -> None:
+    prepared: list[float] = []
+    prepare = BrakeTest.prepare
+    monkeypatch.setattr(BrakeTest, "prepare", lambda test, nm: (prepared.append(nm), prepare(test, nm))[1])
+    drive = HandDrive()
+    axis = axis_of(drive)
+    axis.retained = replace(axis.retained, holding_torque_nm=kept_nm)
+    steps_power._test_brake(context(), axis)
+    assert prepared[-1] == prepared_nm
+    assert not any(output.brake_open for output in drive.wrote)
+    assert drive.state is S.SWITCH_ON_DISABLED
 
 
 @pytest.mark.parametrize(

@@ -20,13 +20,16 @@ from gantryctl.commissioning.stopping.quick_stop import (
     measure_quick_stop,
     permitted_way_deg,
 )
+from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop, DeviceError
 from gantryctl.image import DriveRequest, DriveState
+from gantryctl.operation.client import Stop
 from gantryctl.runtime.recorder import MemoryRecorder
 from unit.commissioning.hand_drive import (
     PERIOD_S,
     HandDrive,
+    axis_of,
     context,
     enabled,
     opens,
@@ -390,6 +393,89 @@ def test_what_a_sync_shows_right_after_the_limit_was_so_before() -> None:
     assert seen.stopped_s == pytest.approx(0.05 + 4 * PERIOD_S + 0.01)
 
 
+def silent_fault(halt: Halt | None = None) -> tuple[HandDrive, Any, list[int]]:
+    """A drive in its fault from the first scan on, braked; every SDO request is written down."""
+    drive = HandDrive()
+    axis, asked = axis_of(drive, halt=halt), list[int]()
+    drive.process.age, drive.process.statusword = 0, 0x0008
+    drive.node.emergencies = SimpleNamespace(count=1)
+    drive.requests = SimpleNamespace(read=lambda index, *_: asked.append(index))  # type: ignore[attr-defined]
+    drive.beside = SimpleNamespace(ask_brake_contact=lambda: False)  # type: ignore[attr-defined]
+    drive.look = drive.read  # type: ignore[attr-defined]
+    drive.state, drive.brake_open = S.FAULT, False
+    return drive, axis, asked
+
+
+@pytest.mark.parametrize("complains", [True, False])
+def test_a_complaint_of_before_is_none_of_the_silence(complains: bool) -> None:
+    """The fifth scan of 4 ms brings one; the one before the silence counts nothing."""
+    drive, axis, _ = silent_fault()
+    scans = [0]
+
+    def write(_: Any) -> None:
+        scans[0] += 1
+        drive.node.emergencies.count += complains and scans[0] == 5
+
+    drive.write = write  # type: ignore[method-assign]
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 0.05))
+    assert seen.complained_s == pytest.approx(0.02 if complains else math.nan, nan_ok=True)
+
+
+def test_without_sync_state_and_position_are_asked_for_in_turn() -> None:
+    drive, axis, asked = silent_fault()
+    drive.write = lambda output: None  # type: ignore[method-assign]
+    silence.fall_silent(axis, silence.Silence((silence.Way.COMMANDS,), 0.05, 0.05))
+    assert asked[:6] == [0x6041, 0x6064] * 3
+
+
+def test_a_position_by_sdo_has_its_sign() -> None:
+    """Behind 0 the drive counts backwards: -5 is FFFFFFFBh. An answer of another length is none."""
+    drive, axis, _ = silent_fault()
+    taken: list[int] = []
+    drive.process.counts, drive.process.take_position = 7, taken.append
+    view = silence._View(axis)
+    for data in (b"\xfb\xff\xff\xff", b"\x05\x00\x00\x00", b"\x05\x00", None):
+        view._position(data)
+    assert taken == [-5, 5]
+    assert axis.feedback.pos_act_counts == 7
+
+
+def test_a_contact_that_shows_open_while_the_drive_is_enabled_proves_no_watchdog(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is wired to something else, or open all the time. A machine without a contact goes on."""
+    fell: list[object] = []
+    seen = silence.SilentDrive(stopped_s=0.1, state=S.FAULT, brake_open=False)
+    monkeypatch.setattr(steps_silence, "fall_silent", lambda *_: fell.append(1) or seen)
+    dog = steps_silence._Watchdog("the relay", (), "")
+    fall = steps_silence._Fall("watchdog", (silence.Way.HEARTBEAT,), 0.1)
+    for contact, falls in ((False, 0), (True, 1), (None, 1)):
+        fell.clear()
+        drive, axis = enabled()
+        inputs = SimpleNamespace(watchdog_contact=lambda contact=contact: contact)
+        drive.beside = SimpleNamespace(inputs=inputs, ask_watchdog_contact=lambda: False)  # type: ignore[attr-defined]
+        result, _ = steps_silence._fall(context(), axis, dog, fall, {}, [], own=False)
+        assert len(fell) == falls
+        assert (result is not None) is (contact is False)
+
+
+def test_a_stop_is_heard_in_a_silence() -> None:
+    halt = Halt()
+    drive, axis, _ = silent_fault(halt)
+    wrote = list[DriveRequest]()
+
+    def write(output: Any) -> None:
+        wrote.append(output.request)
+        if len(wrote) == 5:
+            halt.ask(Stop.RAMP, "stopped by anna")
+
+    drive.write = write  # type: ignore[method-assign]
+    with pytest.raises(StepStopped, match="stopped by anna"):
+        silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 0.05))
+    # In the very next scan torque off and brake are commanded.
+    assert wrote[4:6] == [DriveRequest.ENABLE, DriveRequest.DISABLE]
+
+
 @pytest.mark.parametrize(
     ("stopped_s", "brake_open", "passes"), [(0.07, False, True), (0.09, False, False), (0.07, True, False)]
 )
@@ -407,4 +493,5 @@ def test_a_drive_that_stops_after_its_time_fails_its_silence(
     found = step(steps_silence, "silence", drive)
     assert (found.outcome is Outcome.PASSED) is passes
     assert found.figures["process_data_ms"].high == pytest.approx(76.0)
+    assert found.figures["process_data_moved_deg"].high == 0.05
     assert len(resumed) == (not brake_open)
