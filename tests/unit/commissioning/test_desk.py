@@ -12,13 +12,16 @@ import pytest
 from gantryctl.commissioning import Commissioning, Outcome, Step, StepResult
 from gantryctl.commissioning.in_service.board import Board
 from gantryctl.commissioning.in_service.desk import Desk
+from gantryctl.commissioning.in_service.tags import fast_tags
+from gantryctl.commissioning.watch import Seen
+from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.operation.client import Stop
 from gantryctl.operation.store import StateStore
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import FAST, Snapshot
 from gantryctl.service.protocol.frames import mark_of
-from gantryctl.service.protocol.limits import ARMED_S, SILENCE_S, WATCHED_S
+from gantryctl.service.protocol.limits import ARMED_S, SILENCE_S, VIEW_MAX_S, WATCHED_S
 from gantryctl.service.protocol.messages import WITHOUT_EPOCH, Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.protocol.tags import BY_NAME
@@ -130,6 +133,87 @@ def test_only_service_with_control_begins_a_step(room: Room) -> None:
     room.begun()
     assert (room.tags["commissioning"], room.tags["commissioning_step"]) == ("running", "identity")
     assert room.tags["authority_user"] == "anna"
+
+
+def replies(room: Room) -> list[str]:
+    """Codes of all replies that wait."""
+    found = []
+    while (record := room.memory.replies[Source.WEB].take()) is not None:
+        found.append(str(json.loads(record)[1]["code"]))
+    return found
+
+
+def test_the_same_order_twice_is_one(room: Room) -> None:
+    """As a network or a page repeats it: the number of a command is used once by its connection."""
+    assert room.ask(ANNA, "take", over=False) == ""
+    room._seq += 1
+    epoch = room.desk.authority.epoch
+    order = {"type": "commission_step", "seq": room._seq, "epoch": epoch, "step": "identity"}
+    for code, phase in (("", "running"), ("SEC-04", "waiting")):
+        order["frame"] = room.mark(ANNA)
+        assert room.memory.commands[Source.WEB].put(to_record(ANNA, order))
+        room.go(LOOK_S)
+        assert replies(room)[0] == code
+        assert room.tags["commissioning"] == phase
+        room.desk.step_ended()
+    assert room.desk.next_order() is not None
+    assert room.desk._orders.empty()
+
+
+def test_an_order_by_an_old_picture_or_from_before_a_stop_begins_nothing(room: Room) -> None:
+    assert room.ask(ANNA, "take", over=False) == ""
+    old, epoch = room.mark(ANNA), room.desk.authority.epoch
+    room.go(VIEW_MAX_S + 0.1)
+    assert room.ask(ANNA, "commission_step", step="identity", frame=old) == "SEC-02"
+    assert room.ask(VIEWER, "stop") == ""
+    room._seq += 1
+    late: dict[str, Any] = {"type": "commission_step", "seq": room._seq, "step": "identity"}
+    late |= {"frame": room.mark(ANNA), "epoch": epoch}
+    assert room.memory.commands[Source.WEB].put(to_record(ANNA, late))
+    room.go(LOOK_S)
+    assert replies(room) == ["SEC-03"]
+    assert room.desk._orders.empty()
+
+
+def test_what_was_sent_to_the_controller_is_nothing_for_the_desk(work: Commissioning) -> None:
+    memory = SharedMemory.create()
+    for ring in memory.commands:
+        assert ring.put(to_record(ANNA, {"type": "take", "seq": 1, "over": False}))
+    Desk(MACHINE, memory, Board(memory), lambda: None)
+    assert [len(ring) for ring in memory.commands] == [0] * len(memory.commands)
+    memory.close()
+
+
+def test_the_console_takes_control_from_afar_and_ends_the_step_there(room: Room) -> None:
+    """What moves nothing may run from anywhere: nobody watches it any more then."""
+    room.begun(who=REMOTE)
+    here = Identity("l", "anna", Role.SERVICE, "local")
+    assert room.ask(here, "take", over=True) == ""
+    assert room.desk.halt.why == "anna took control"
+
+
+def test_a_note_can_be_written_while_a_step_runs(room: Room) -> None:
+    room.begun()
+    assert room.ask(ANNA, "note", line="the brake smells") == ""
+
+
+@pytest.mark.parametrize(
+    "name", ["limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready"]
+)
+@pytest.mark.parametrize("brake_open", [True, False])
+def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> None:
+    """One input that is off, and no other one."""
+    drive = DriveFeedback(
+        DriveState.SWITCHED_ON, 0, 0.0, -12.5, brake_open, False, 0.0, EncoderFlag.NONE,
+        inputs=DigitalInputs()._replace(**{name: False}),
+    )  # fmt: skip
+    tags = fast_tags(MACHINE, Seen(-90.25, 0.5, drive), moves=True)
+    inputs = ("limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready")
+    assert {each for each in inputs if not tags[each]} == {name}
+    assert (tags["pos_act_deg"], tags["vel_act_deg_s"], tags["torque_act_nm"]) == (-90.25, 0.5, -12.5)
+    assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
+    # An angle that nobody knows is none.
+    assert math.isnan(fast_tags(MACHINE, Seen(None, None, drive), moves=True)["pos_act_deg"])
 
 
 def test_a_second_client_is_refused(room: Room) -> None:

@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult
+from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult, report
 from gantryctl.commissioning import run as commissioning_run
 from gantryctl.commissioning.results import Figure, Progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
 from gantryctl.commissioning.watch import Halt, StepStopped
+from gantryctl.engineering.report.head import Judged
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
@@ -72,6 +73,56 @@ def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.Monke
     monkeypatch.setattr(halt, "check", lambda: halt.ask(Stop.QUICK, "now"))
     with halt.stops(run):  # type: ignore[arg-type]
         assert run.stop is Stop.QUICK
+
+
+def test_the_first_who_stops_a_step_is_told_and_the_hardest_stop_counts() -> None:
+    halt = Halt()
+    halt.check()
+    for urgency, who in ((Stop.RAMP, "anna"), (Stop.QUICK, "eve"), (Stop.RAMP, "otto")):
+        halt.ask(urgency, who)
+    assert (halt.urgency, halt.why) == (Stop.QUICK, "anna")
+
+
+@pytest.mark.parametrize(("silent_s", "stops"), [(0.5, False), (0.51, True)])
+def test_a_step_ends_when_nobody_has_listened_for_half_a_second(silent_s: float, stops: bool) -> None:
+    now = [100.0]
+    halt = Halt(listens=True, now_s=lambda: now[0])
+    for _ in range(3):
+        now[0] += silent_s
+        assert halt.asked() is stops
+        halt.listened()
+    # One that nobody ever listens for is not silent.
+    assert not Halt(now_s=lambda: 1e9).asked()
+
+
+def test_a_run_that_was_stopped_has_not_passed_however_it_ended() -> None:
+    """The stop came with its last move: what the run has shown is not what was asked for."""
+    halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
+    with pytest.raises(StepStopped, match="stopped by anna"), halt.stops(run):  # type: ignore[arg-type]
+        halt.ask(Stop.RAMP, "stopped by anna")
+    assert run.stop is Stop.RAMP
+    # Its run has ended: another request is for no axis any more.
+    run.stop = Stop.NO
+    halt.ask(Stop.QUICK, "")
+    assert run.stop is Stop.NO
+
+
+@pytest.mark.parametrize(
+    ("results", "shown"),
+    [
+        ({}, Judged.OPEN), ({"identity": P}, Judged.OPEN), ({"identity": F}, Judged.FAIL),
+        ({each.key: F if each.key == "brake" else P for each in STEPS}, Judged.FAIL),
+        ({each.key: N if each.key == "brake" else P for each in STEPS}, Judged.PASS),
+    ],
+)  # fmt: skip
+def test_the_report_shows_a_failed_step_as_failed(
+    monkeypatch: pytest.MonkeyPatch, results: dict[str, Outcome], shown: Judged
+) -> None:
+    verdicts: list[Any] = []
+    monkeypatch.setattr(report, "render_page", lambda page, head, verdict, *_: verdicts.append(verdict))
+    found = {key: StepResult(key, outcome, "") for key, outcome in results.items()}
+    report._page(Progress("m", "h", results=found), (), None, None)  # type: ignore[arg-type]
+    assert verdicts[0].judged is shown
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The drive's own quick-stop ramp as a step measures it: which speeds, how far, what is believed, what it would load."""
+"""The drive's own quick-stop ramp as a step measures it: which speeds, how far, what is believed, what it loads."""
 
 from __future__ import annotations
 
