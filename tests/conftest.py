@@ -1,5 +1,6 @@
 """What every test shares: reproducible hypothesis runs and fresh ones, the oracle, and no silent skip in CI."""
 
+import gc
 import importlib.util
 import json
 import os
@@ -50,6 +51,25 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
     if collection_path.suffix != ".py" or has_canopen():
         return None
     return BUS_TESTS in collection_path.read_text(encoding="utf-8") or None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is collected lives to the end: the garbage collector need not look through these 700,000 objects.
+
+    It took 5 of the 13 s of a collection, and 0.7 s of a processor each time that it looked at all objects afterwards.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def pytest_unconfigure() -> None:
+    """What is left at the end of the process, nanobind calls leaked."""
+    gc.unfreeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

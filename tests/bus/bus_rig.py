@@ -96,12 +96,12 @@ class BusRig:
 
         def scan(*args: object) -> None:
             true_scan(*args)
-            state = plant.sim.state
+            _, _, pos_rad, vel_rad_s, *_ = plant.sim.truth()
             self.ticks.append(
                 Tick(
-                    math.degrees(state["pos_motor"]) / ratio,
-                    math.degrees(state["vel_motor"]) / ratio,
-                    state["torque_motor"],
+                    math.degrees(pos_rad) / ratio,
+                    math.degrees(vel_rad_s) / ratio,
+                    plant.torque_nm,
                     plant.brake_open,
                     axis.state,
                 )
