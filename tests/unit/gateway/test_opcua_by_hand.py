@@ -1,0 +1,280 @@
+"""OPC UA without a server: who is let in, what is shown as good, and which connections go on."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import defaultdict
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+from asyncua import ua  # noqa: E402
+from asyncua.crypto.permission_rules import UserRole  # noqa: E402
+
+from gantryctl.errors import StateError  # noqa: E402
+from gantryctl.gateway.opcua import listener as listener_module  # noqa: E402
+from gantryctl.gateway.opcua import people as people_module  # noqa: E402
+from gantryctl.gateway.opcua.listener import Connection, Listener  # noqa: E402
+from gantryctl.gateway.opcua.people import People, Reader  # noqa: E402
+from gantryctl.gateway.opcua.server import _SAID, POLICIES  # noqa: E402
+from gantryctl.gateway.opcua.space import AddressSpace, _status, _value  # noqa: E402
+from gantryctl.gateway.opcua.units import information, normal_range  # noqa: E402
+from gantryctl.service.protocol.roles import Role  # noqa: E402
+from gantryctl.service.protocol.tags import BY_NAME, TAGS  # noqa: E402
+from gantryctl.service.supervisor.users import User  # noqa: E402
+
+ANNA = User("anna", Role.VIEWER, "Anna", "", "", 1, 1, 1, "")
+S = ua.StatusCodes
+
+
+class Door:
+    """People with one user, whose password is "right", at a time that the test sets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.written: list[tuple[str, str]] = []
+        users: Any = SimpleNamespace(check=lambda name, password: ANNA if password == "right" else None)
+        events: Any = SimpleNamespace(put=lambda kind, text, who=None, **_: self.written.append((kind, text)))
+
+        async def here(work: Any, *values: Any) -> Any:
+            return work(*values)
+
+        monkeypatch.setattr(people_module.asyncio, "to_thread", here)
+        self.people, self.now_s = People(users, events), 100.0
+        self.people._rate._now = self.people._locks._now = lambda: self.now_s
+
+    def admit(self, password: str, client: str = "c", name: str = "anna") -> bool:
+        return asyncio.run(self.people.admit(name, password, b"certificate", client, "192.0.2.7"))
+
+
+@pytest.fixture
+def door(monkeypatch: pytest.MonkeyPatch) -> Door:
+    return Door(monkeypatch)
+
+
+def test_a_client_has_ten_tries_and_one_more_a_second_and_takes_none_from_others(door: Door) -> None:
+    assert [door.admit("right") for _ in range(11)] == [True] * 10 + [False]
+    assert door.admit("right", "other")
+    door.now_s += 1.0
+    assert [door.admit("right") for _ in range(2)] == [True, False]
+    assert not door.admit("right", "third", name="")
+
+
+def test_a_right_password_is_no_failure_and_forgets_those_before(door: Door) -> None:
+    tries = [*["wrong"] * 4, "right", *["wrong"] * 4, "right"]
+    assert [door.admit(each) for each in tries] == [each == "right" for each in tries]
+    door.now_s += 20.0
+    # Five wrong ones lock, also for the right one.
+    assert [door.admit(each) for each in [*["wrong"] * 5, "right"]] == [False] * 6
+    assert door.admit("right", "other")
+
+
+def test_whoever_is_let_in_reads_as_the_user_of_now(door: Door) -> None:
+    assert door.admit("right")
+    reader = door.people.get_user(None, "anna", "right", b"certificate")
+    assert reader == Reader(UserRole.User, "anna", ANNA)
+    assert door.written == [("login", "OPC UA session")]
+
+
+def test_of_wrong_passwords_and_refused_clients_some_are_written(door: Door) -> None:
+    for count in range(1, 13):
+        door.people.refused("192.0.2.7", count, "a stranger")
+    assert [text.partition(" times")[0].rpartition(" ")[2] for _, text in door.written] == [*"12345", "10"]
+
+
+def test_without_a_file_of_users_there_are_none() -> None:
+    def damaged() -> None:
+        raise StateError("users.json")
+
+    users: Any = SimpleNamespace(all=damaged)
+    assert People(users, None).all() == {}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("age_ms", "status"),
+    [
+        (0.0, S.Good), (500.0, S.Good), (500.1, S.UncertainNoCommunicationLastUsableValue),
+        (5000.0, S.UncertainNoCommunicationLastUsableValue), (5000.1, S.BadNoCommunication),
+        (math.nan, S.BadNoCommunication),
+    ],
+)  # fmt: skip
+def test_a_value_is_good_for_half_a_second_and_shown_for_5_s(age_ms: float, status: int) -> None:
+    assert _status(age_ms) == status
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("pos_act_deg", None, (None, S.BadSensorFailure)), ("vel_act_deg_s", None, (None, S.BadSensorFailure)),
+        ("torque_act_nm", None, (None, S.BadSensorFailure)), ("target_deg", None, (None, S.BadOutOfService)),
+        ("pos_act_deg", 5, (5.0, 0)), ("alarms", None, ("[]", 0)), ("brake_open", True, (True, 0)),
+    ],
+)  # fmt: skip
+def test_what_is_not_believed_and_what_nobody_measures_are_told_apart(
+    name: str, value: object, shown: tuple[object, int]
+) -> None:
+    assert _value(BY_NAME[name], value) == shown
+
+
+class Node:
+    """What was written into one variable, with its status."""
+
+    def __init__(self) -> None:
+        self.written: list[tuple[object, int]] = []
+
+    async def write_value(self, data: Any) -> None:
+        self.written.append((data.Value.Value, data.StatusCode.value))
+
+
+def space() -> tuple[AddressSpace, dict[str, Node]]:
+    nodes: dict[str, Node] = {}
+
+    class All(dict[str, Any]):
+        def __missing__(self, key: str) -> Any:
+            return nodes.setdefault(key, Node())
+
+    made = AddressSpace(None)  # type: ignore[arg-type]
+    made._nodes = All()
+    # The library finds the type of a value by itself.
+    made._kinds = defaultdict(lambda: None)  # type: ignore[arg-type]
+    return made, nodes
+
+
+def test_an_angle_that_gets_old_loses_its_good_status_though_it_stays_the_same() -> None:
+    made, nodes = space()
+    tags = {"pos_act_deg": 12.5, "vel_act_deg_s": -0.5, "torque_act_nm": 7.0}
+    for age_ms in (0.0, 400.0, 600.0, 6000.0):
+        asyncio.run(made.show(tags, age_ms))
+    statuses = [S.Good, S.UncertainNoCommunicationLastUsableValue, S.BadNoCommunication]
+    assert nodes["ReadActualPosition.Position"].written == [(12.5, status) for status in statuses]
+    assert nodes["ReadActualVelocity.Velocity"].written[0] == (-0.5, S.Good)
+    assert nodes["ReadActualTorque.Torque"].written[0] == (7.0, S.Good)
+
+
+def test_before_the_first_picture_nothing_is_shown() -> None:
+    made, nodes = space()
+    for tags, age_ms in (({}, 0.0), ({"pos_act_deg": 0.0}, math.inf)):
+        asyncio.run(made.show(tags, age_ms))
+    assert not nodes
+
+
+def test_units_are_those_of_recommendation_20_and_ranges_those_of_the_machine() -> None:
+    """Common codes as bytes of a number: DD, E96, NU."""
+    ids = {
+        name: information(BY_NAME[name]).UnitId for name in ("pos_act_deg", "vel_act_deg_s", "torque_act_nm")
+    }
+    assert ids == {"pos_act_deg": 17476, "vel_act_deg_s": 4536630, "torque_act_nm": 20053}
+    limits = {tag.name: None for tag in TAGS}
+    wide = normal_range(BY_NAME["pos_act_deg"], limits)
+    assert (wide.Low, wide.High) == (-360.0, 360.0)
+    own = {"over_travel_min_deg": -190.0, "over_travel_max_deg": 185.0, "limit_switch_max_deg": 183.0}
+    narrow = normal_range(BY_NAME["pos_act_deg"], limits | own)
+    assert (narrow.Low, narrow.High) == (-190.0, 190.0)
+
+
+def test_every_policy_signs_and_encrypts_and_none_has_sha_1() -> None:
+    assert {policy.name for policy in POLICIES} == {
+        "Basic256Sha256_SignAndEncrypt", "Aes128Sha256RsaOaep_SignAndEncrypt", "Aes256Sha256RsaPss_SignAndEncrypt",
+    }  # fmt: skip
+    assert (_SAID["MaxNodesPerRead"], _SAID["MaxNodesPerBrowse"], _SAID["MaxMonitoredItemsPerCall"]) == (
+        1000, 100, 1000
+    )  # fmt: skip
+
+
+class Wall:
+    """Stands for what all channels share; `refused` and `over` are what was written."""
+
+    def __init__(self) -> None:
+        self.refused, self.over = list[tuple[str, int]](), list[str]()
+        self.trust = SimpleNamespace(refresh=lambda: None)
+        self.people = SimpleNamespace(
+            all=dict, refused=lambda address, count, why: self.refused.append((address, count)),
+            ended=lambda reader, why: self.over.append(why),
+        )  # fmt: skip
+
+
+class Client:
+    """A connection of a sweep."""
+
+    def __init__(self, readers: int, why: str = "") -> None:
+        self.aborted, self.said, self.ended = False, list[int](), False
+        self.transport = SimpleNamespace(abort=lambda: setattr(self, "aborted", True))
+        self.channel = SimpleNamespace(readers=[object()] * readers, lapsed=lambda users: why, end=self.end)
+        self.idle_s, self.stuck_s = 100.0, None
+
+    async def end(self) -> None:
+        self.ended = True
+
+    def refuse(self, status: int) -> None:
+        self.said.append(status)
+
+
+def swept(monkeypatch: pytest.MonkeyPatch, client: Client, now_s: float) -> Wall:
+    wall = Wall()
+    listener = Listener(wall, "127.0.0.1", 0)  # type: ignore[arg-type]
+    listener.connections = {client}  # type: ignore[arg-type]
+    monkeypatch.setattr(listener_module.time, "monotonic", lambda: now_s)
+    asyncio.run(listener.sweep())
+    return wall
+
+
+@pytest.mark.parametrize(("now_s", "goes"), [(105.0, False), (105.1, True)])
+def test_who_has_not_logged_in_for_5_s_loses_its_place(
+    monkeypatch: pytest.MonkeyPatch, now_s: float, goes: bool
+) -> None:
+    client = Client(0)
+    swept(monkeypatch, client, now_s)
+    assert client.aborted is goes
+    reader = Client(1)
+    swept(monkeypatch, reader, now_s)
+    assert (reader.aborted, reader.idle_s) == (False, now_s)
+
+
+@pytest.mark.parametrize(("now_s", "goes"), [(105.0, False), (105.1, True)])
+def test_who_takes_no_answer_for_5_s_loses_its_place_logged_in_or_not(
+    monkeypatch: pytest.MonkeyPatch, now_s: float, goes: bool
+) -> None:
+    client = Client(1)
+    client.stuck_s = 100.0
+    swept(monkeypatch, client, now_s)
+    assert client.aborted is goes
+
+
+def test_who_is_trusted_no_more_is_ended_with_all_its_sessions(monkeypatch: pytest.MonkeyPatch) -> None:
+    client = Client(2, "the certificate is revoked")
+    wall = swept(monkeypatch, client, 101.0)
+    assert (client.ended, client.said, client.aborted) == (True, [S.BadSecureChannelClosed], False)
+    assert wall.over == ["the certificate is revoked"] * 2
+
+
+def test_refused_channels_are_counted_by_network_and_a_thousand_networks_are_remembered() -> None:
+    wall = Wall()
+    listener = Listener(wall, "127.0.0.1", 0)  # type: ignore[arg-type]
+    for address in ("192.0.2.7", "192.0.2.8", "192.0.2.7", "2001:db8::1", "2001:db8::2"):
+        listener.journal(address, "")
+    assert [count for _, count in wall.refused] == [1, 1, 2, 1, 2]
+    for n in range(997):
+        listener.journal(f"10.0.{n // 250}.{n % 250}", "")
+    assert len(listener._refused) == 1000
+    listener.journal("192.0.2.7", "")
+    assert wall.refused[-1][1] == 3
+    listener.journal("192.0.2.9", "")
+    assert len(listener._refused) == 1
+
+
+def test_one_remote_address_has_four_connections_and_this_machine_sixteen() -> None:
+    for address, most in (("192.0.2.7", 4), ("127.0.0.1", 16)):
+        places = Listener(Wall(), "127.0.0.1", 0).places  # type: ignore[arg-type]
+        assert [places.take(address) is not None for _ in range(most + 1)] == [True] * most + [False]
+
+
+def test_no_request_is_looked_at_while_the_client_takes_no_answers() -> None:
+    connection = Connection(Listener(Wall(), "127.0.0.1", 0))  # type: ignore[arg-type]
+    assert (connection._writable.is_set(), connection.stuck_s) == (True, None)
+    connection.pause_writing()
+    assert not connection._writable.is_set()
+    assert connection.stuck_s is not None
+    connection.resume_writing()
+    assert (connection._writable.is_set(), connection.stuck_s) == (True, None)
