@@ -18,7 +18,7 @@ from gantryctl.machine import default_machine, with_values
 @pytest.mark.parametrize(
     ("angle_deg", "outcome"),
     # A, 1.4 times 0.0197 deg, is known to 0.0001 deg: neither is proven, so it has not passed.
-    [(0.1, Outcome.PASSED), (0.01, Outcome.FAILED), (0.0276, Outcome.FAILED)],
+    [(0.1, Outcome.PASSED), (0.01, Outcome.FAILED), (0.02765, Outcome.FAILED)],
 )
 def test_the_same_readings_pass_and_fail_by_the_requirement(
     angle_deg: float, outcome: Outcome, tmp_path: Path
