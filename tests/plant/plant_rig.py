@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import Any
 
 import pytest
 
@@ -20,10 +22,32 @@ from gantryctl.wiring.simulator import sim_drive
 SCANS_MS = (1.0, 4.0, 10.0)
 AT_EVERY_SCAN_MS = pytest.mark.parametrize("scan_ms", [1.0, pytest.param(4.0, marks=pytest.mark.slow), 10.0])
 """The shortest and the longest find what a monitor counts in scans; the one between them is in the slow set."""
+_SOME = 7
 NOMINAL_NM, CHECK_NM = 16_000.0, 50_000.0
 # From the onset of a feedback fault to rest, motor side, at 6, 3 and 1 deg/s.
 FEEDBACK_LIMIT_DEG = {6.0: 4.5, 3.0: 2.1, 1.0: 0.8}
 CYCLES_PER_MS = 8
+# A ramp that reaches 6 deg/s within 3 s, as on the bus; what is judged begins in cruise.
+_FAST = {"virtual_axis.acc_deg_s2": 2.0, "virtual_axis.dec_deg_s2": 2.0}
+
+
+def at_scans(*whole_ms: float, **values: Sequence[Any]) -> pytest.MarkDecorator:
+    """All of these values with each other at the periods `whole_ms`, and some of them at 1 ms; the others are slow.
+
+    A run at 1 ms costs four to ten times as much as one at 10 ms. Every seventh is run, and the last: seven has no
+    factor in common with two, three and four values, so all of each have their turn.
+    """
+    rows = list(product(*values.values()))
+    some = {*range(0, len(rows), _SOME), len(rows) - 1}
+    return pytest.mark.parametrize(
+        (*values, "scan_ms"),
+        [
+            pytest.param(*row, scan_ms, marks=() if brief else pytest.mark.slow)
+            for scan_ms in sorted({*SCANS_MS, *whole_ms})
+            for number, row in enumerate(rows)
+            for brief in [scan_ms in whole_ms or (scan_ms == min(SCANS_MS) and number in some)]
+        ],
+    )
 
 
 def machine_at(scan_ms: float, moment_nm: float = NOMINAL_NM, **changes: object) -> Machine:
@@ -32,6 +56,7 @@ def machine_at(scan_ms: float, moment_nm: float = NOMINAL_NM, **changes: object)
     values: dict[str, object] = {
         "control.scan_period_ms": scan_ms,
         "plant.load.eccentricity_m": moment_nm / (load.mass_kg * 9.81),
+        **_FAST,
     }
     return with_values(default_machine(), values | changes)
 
@@ -159,7 +184,7 @@ class PlantRig:
         here = deg(self.axis.pos_act_rad)
         self.say(move=True, target_rad=rad(here + sign * 100.0), speed_rad_s=rad(speed_deg_s))
         self.say(move=False)
-        self.run(speed_deg_s / 0.39 + 0.5)
+        self.run(speed_deg_s / self.machine.virtual_axis.acc_deg_s2 + 0.5)
         assert abs(self.motor_deg_s - sign * speed_deg_s) < 0.1
 
     def way_to_rest(self, timeout_s: float = 6.0) -> float:

@@ -13,7 +13,15 @@ from gantryctl.image import DriveRequest
 from gantryctl.program import Code, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import deg, rad
-from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig, machine_at
+from plant.plant_rig import (
+    AT_EVERY_SCAN_MS,
+    CHECK_NM,
+    FEEDBACK_LIMIT_DEG,
+    NOMINAL_NM,
+    PlantRig,
+    at_scans,
+    machine_at,
+)
 
 SPEEDS = (6.0, 3.0, 1.0)
 
@@ -37,10 +45,7 @@ def assert_told_as_doubt(rig: PlantRig, way_deg: float, limit_deg: float) -> Non
     assert rig.first_alarm is not None
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize("speed", SPEEDS)
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize("gain", [0.0, -1.0], ids=["frozen", "sign"])
+@at_scans(10.0, gain=[0.0, -1.0], speed=SPEEDS, direction=[1.0, -1.0])
 def test_encoder_of_the_drive_fails_in_motion(
     gain: float, scan_ms: float, speed: float, direction: float
 ) -> None:
@@ -50,9 +55,7 @@ def test_encoder_of_the_drive_fails_in_motion(
     assert_told_as_doubt(rig, rig.way_to_rest(), FEEDBACK_LIMIT_DEG[speed])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.5])
-@pytest.mark.parametrize("speed", SPEEDS)
-@AT_EVERY_SCAN_MS
+@at_scans(10.0, share=[0.0, 0.25, 0.5], speed=SPEEDS)
 def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: float) -> None:
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
     rig.cruise(speed)
@@ -81,10 +84,9 @@ def test_only_the_reading_freezes(speed_too: bool, scan_ms: float, speed: float)
     assert_told_as_doubt(rig, rig.way_to_rest(), FEEDBACK_LIMIT_DEG[speed])
 
 
-@pytest.mark.parametrize("own_loop", [False, True], ids=["reading", "encoder"])
-@pytest.mark.parametrize("jump_deg", [0.05, -0.05, 0.3147, -2.0])
-@pytest.mark.parametrize("speed", [6.0, -6.0, 1.0, -1.0])
-@pytest.mark.parametrize("scan_ms", [1.0, pytest.param(4.0, marks=pytest.mark.slow), 10.0, 20.0])
+@at_scans(
+    10.0, 20.0, own_loop=[False, True], jump_deg=[0.05, -0.05, 0.3147, -2.0], speed=[6.0, -6.0, 1.0, -1.0]
+)
 def test_a_jump_is_seen_with_and_against_the_motion(
     scan_ms: float, speed: float, jump_deg: float, own_loop: bool
 ) -> None:
@@ -153,7 +155,8 @@ def test_an_encoder_that_freezes_while_nothing_holds_a_slow_axis_is_told_as_the_
     scan_ms: float, frozen: bool
 ) -> None:
     """At 0.2 deg/s friction might stop the shaft. The load drives it on here until the late brake has it: 0.03 deg."""
-    rig = PlantRig(machine_at(scan_ms, CHECK_NM), -50.0)
+    slow = {"virtual_axis.acc_deg_s2": 0.4}
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM, **slow), -50.0)
     rig.power_up(0.5)
     rig.say(move=True, target_rad=rad(-20.0), speed_rad_s=rad(3.0))
     rig.until(lambda: rig.motor_deg_s > 0.17)

@@ -11,7 +11,7 @@ import pytest
 
 from gantryctl.program import Code, PowerPhase
 from gantryctl.units import rad
-from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, at_scans, machine_at
 
 NOMINAL_NM = 16_000.0
 LIMIT_DEG = {6.0: 4.5, 3.0: 2.1, 1.0: 0.8}
@@ -148,9 +148,7 @@ def test_the_swing_of_a_sound_load_does_not_turn_the_shaft_against_the_torque(
     assert rig.codes == ["INT-06"]
 
 
-@AT_EVERY_SCAN_MS
-@MOMENTS
-@pytest.mark.parametrize("left_s", [0.15, 0.08, 0.03, 0.0, -0.03])
+@at_scans(10.0, left_s=[0.15, 0.08, 0.03, 0.0, -0.03], moment_nm=[NOMINAL_NM, CHECK_NM])
 def test_frozen_in_the_last_instants_of_a_quick_stop(left_s: float, moment_nm: float, scan_ms: float) -> None:
     """Too slow for the speed to show it: then the torque does, which goes on as it braked."""
     rig = PlantRig(machine_at(scan_ms, moment_nm), 30.0)
@@ -166,10 +164,7 @@ def test_frozen_in_the_last_instants_of_a_quick_stop(left_s: float, moment_nm: f
     assert rig.phase in (PowerPhase.OFF, PowerPhase.TORQUE_HOLD)
 
 
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize("speed", [6.0, 3.0, 1.0])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("gain", [0.02, 0.1, 0.5])
+@at_scans(10.0, gain=[0.02, 0.1, 0.5], sign=[1.0, -1.0], speed=[6.0, 3.0, 1.0])
 def test_a_coupling_that_slips(gain: float, sign: float, speed: float, scan_ms: float) -> None:
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 90.0 - 55.0 * sign)
     rig.power_up()

@@ -14,7 +14,7 @@ import pytest
 from gantryctl.image import DriveRequest, DriveState, EncoderFlag
 from gantryctl.program import PowerPhase, Reaction
 from gantryctl.units import deg, rad
-from plant.plant_rig import CHECK_NM, NOMINAL_NM, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, NOMINAL_NM, PlantRig, machine_at
 
 SPEED_DEG_S = 1.0
 # Classes at 1 deg/s: quick stop, torque off and brake, feedback; from standstill.
@@ -125,7 +125,7 @@ REQUEST = {QS: DriveRequest.QUICK_STOP, TO: DriveRequest.DISABLE}
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "back"])
-@pytest.mark.parametrize("scan_ms", [1.0, 4.0, 10.0])
+@AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("row", [pytest.param(row, id=row.name) for row in ROWS])
 def test_a_monitor_on_the_plant(row: Row, scan_ms: float, direction: float) -> None:
     rig = PlantRig(machine_at(scan_ms, row.moment_nm), -90.0 * direction)

@@ -7,7 +7,7 @@ import pytest
 from gantryctl.image import DriveRequest
 from gantryctl.program import Code, PowerPhase, Reaction
 from gantryctl.units import rad
-from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, at_scans, machine_at
 
 STOPS = {
     Reaction.QUICK_STOP: Code.LIM_03,
@@ -19,6 +19,7 @@ VALUES = {
     Code.DRV_04: {"measured": "test"},
     Code.BRK_04: {"measured": 0.03, "limit": 0.02},
 }
+PHASES = [phase for phase in PowerPhase if phase is not PowerPhase.TORQUE_HOLD]
 LONGEST_S = 5.0
 
 
@@ -41,7 +42,7 @@ def in_phase(phase: PowerPhase, scan_ms: float, share: int) -> PlantRig:
     elif phase is PowerPhase.QUICK_STOPPING:
         rig.until(lambda: rig.phase is PowerPhase.ON, 5.0)
         rig.say(move=True, target_rad=rad(120.0), speed_rad_s=rad(3.0))
-        rig.run(3.0)
+        rig.run(0.6)
         rig.say(quick_stop=True)
     elif phase is PowerPhase.TORQUE_OFF:
         rig.until(lambda: rig.phase is PowerPhase.ON, 5.0)
@@ -54,10 +55,7 @@ def in_phase(phase: PowerPhase, scan_ms: float, share: int) -> PlantRig:
     return rig
 
 
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize("share", [0, 2])
-@pytest.mark.parametrize("reaction", list(STOPS))
-@pytest.mark.parametrize("phase", [phase for phase in PowerPhase if phase is not PowerPhase.TORQUE_HOLD])
+@at_scans(10.0, phase=PHASES, reaction=list(STOPS), share=[0, 2])
 def test_a_stop_ends_with_the_load_held(phase, reaction, share, scan_ms):
     rig = in_phase(phase, scan_ms, share)
     before = rig.phase

@@ -7,13 +7,14 @@ import pytest
 from gantryctl.image import DriveFeedback, DriveRequest
 from gantryctl.program import PowerPhase
 from gantryctl.units import deg, rad
-from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, SCANS_MS, PlantRig, machine_at
+from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, SCANS_MS, PlantRig, at_scans, machine_at
 
 LIMIT_DEG = {6.0: 3.6, 3.0: 1.4, 1.0: 0.45}
 """Torque off and brake, from the onset of the fault to rest."""
 SPEEDS = tuple(LIMIT_DEG)
 PLACES = ((90.0, 1.0), (90.0, -1.0), (5.0, 1.0))
 """Against the eccentric moment, with it, and where there is next to none."""
+CODES = {"lost": {"DRV-13"}, "lies": {"BRK-14", "DRV-13"}, "brake": {"BRK-14"}}
 MODEL_NM = 30.0
 """Torque needed from which a loss shows at once; below, the way counts from 0.1 deg/s of true deviation."""
 
@@ -47,8 +48,10 @@ class LyingTorque:
 
 def cruising(scan_ms: float, moment_nm: float, speed: float, place: tuple[float, float]) -> PlantRig:
     at_deg, sign = place
-    run_up = 1.0 + 0.5 * speed**2 / 0.39 + 1.2 * speed  # the ramp, and 1.2 s in which its swing dies down
-    rig = PlantRig(machine_at(scan_ms, moment_nm), at_deg - sign * run_up)
+    machine = machine_at(scan_ms, moment_nm)
+    # The ramp, and 2 s in which its swing dies down.
+    run_up = 1.0 + 0.5 * speed**2 / machine.virtual_axis.acc_deg_s2 + 2.0 * speed
+    rig = PlantRig(machine, at_deg - sign * run_up)
     rig.power_up(0.5)
     rig.cruise_to(at_deg, speed, sign)
     assert not rig.codes
@@ -77,20 +80,13 @@ def fail(rig: PlantRig, fault: str, speed: float, small: bool) -> float:
     return abs(rig.motor_deg - start)
 
 
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
-@pytest.mark.parametrize(
-    ("fault", "codes"),
-    [("lost", {"DRV-13"}), ("lies", {"BRK-14", "DRV-13"}), ("brake", {"BRK-14"})],
-)
-def test_torque_lost_and_shaft_blocked(scan_ms, speed, place, moment_nm, fault, codes, oracle):
+@at_scans(10.0, fault=list(CODES), moment_nm=[16_000.0, CHECK_NM], place=PLACES, speed=SPEEDS)
+def test_torque_lost_and_shaft_blocked(scan_ms, speed, place, moment_nm, fault, oracle):
     """Before, following error and saturation found them after 300 to 500 ms: 4.1 to 6.6 deg from 6 deg/s."""
     rig = cruising(scan_ms, moment_nm, speed, place)
     small = abs(rig.feedback.torque_act_nm) < MODEL_NM and fault != "brake"
     way = fail(rig, fault, speed, small)
-    assert rig.first in codes
+    assert rig.first in CODES[fault]
     assert way <= LIMIT_DEG[speed]
     assert rig.phase in (PowerPhase.TORQUE_OFF, PowerPhase.OFF), "never a quick stop"
     assert rig.engine.output.request is DriveRequest.DISABLE
@@ -147,9 +143,7 @@ def test_torque_lost_at_standstill_lets_the_load_go_by_no_more_than_a_brake_that
 # --- a torque reading that is wrong by 300 N m ----------------------------------------------------
 
 
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize("offset_nm", [300.0, -300.0])
-@pytest.mark.parametrize("when", ["off", "enabled", "standstill", "motion", "stopping"])
+@at_scans(10.0, when=["off", "enabled", "standstill", "motion", "stopping"], offset_nm=[300.0, -300.0])
 def test_a_wrong_torque_reading_is_told_and_neither_learned_nor_given(scan_ms, offset_nm, when):
     rig = PlantRig(machine_at(scan_ms), 60.0, holding_nm=11.0)
     if when == "off":

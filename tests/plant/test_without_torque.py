@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
-
-from plant.plant_rig import CHECK_NM, PlantRig, machine_at
+from plant.plant_rig import CHECK_NM, PlantRig, at_scans, machine_at
 
 STATED_DEG = {"lost": {6.0: 3.9, 3.0: 1.6, 1.0: 0.4}, "brake": {6.0: 5.75, 3.0: 2.05, 1.0: 0.5}}
 
 
-@pytest.mark.parametrize("scan_ms", [1.0, 10.0])
-@pytest.mark.parametrize("speed", [6.0, 3.0, 1.0])
-@pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
-@pytest.mark.parametrize("fault", list(STATED_DEG))
+@at_scans(10.0, fault=list(STATED_DEG), moment_nm=[16_000.0, CHECK_NM], speed=[6.0, 3.0, 1.0])
 def test_speed_alone_finds_it_later(fault, moment_nm, speed, scan_ms, oracle):
-    run_up = 1.0 + 0.5 * speed**2 / 0.39 + 1.2 * speed
-    rig = PlantRig(machine_at(scan_ms, moment_nm), 90.0 - run_up)
+    machine = machine_at(scan_ms, moment_nm)
+    rig = PlantRig(machine, 90.0 - (1.0 + 0.5 * speed**2 / machine.virtual_axis.acc_deg_s2 + 1.2 * speed))
     rig.axis.monitors._torque_watch._known = False
     rig.power_up(0.5)
     rig.cruise_to(90.0, speed, 1.0)
