@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from gantryctl.image import DriveRequest
+from gantryctl.image import DriveFeedback, DriveRequest
 from gantryctl.program import Code, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import deg, rad
@@ -53,6 +53,41 @@ def test_encoder_of_the_drive_fails_in_motion(
     rig.cruise(speed, direction)
     rig.sim.encoder_gain = gain
     assert_told_as_doubt(rig, rig.way_to_rest(), FEEDBACK_LIMIT_DEG[speed])
+
+
+@pytest.mark.parametrize(("speed", "direction"), [(3.0, 1.0), (0.6, -1.0), (0.2, 1.0)])
+@pytest.mark.parametrize("old_torque", [True, False], ids=["torque is old", "torque is new"])
+@pytest.mark.parametrize("who", ["encoder", "drive"])
+def test_who_is_wrong_about_the_direction(who: str, old_torque: bool, direction: float, speed: float) -> None:
+    """Encoder or drive turn round. The torque tells which; where its telegram is missing, nobody knows the angle."""
+    rig = PlantRig(machine_at(4.0), -90.0 * direction)
+    rig.cruise(max(speed, 0.6), direction)
+    if speed < 0.6:
+        rig.say(override=speed / 0.6)
+        rig.run(2.0)
+    held = rig.drive.read()
+    missed, law = 0, rig.axis.settings.law
+    counts = held.pos_act_counts
+
+    def late(drive: DriveFeedback) -> DriveFeedback:
+        """Position from the speed, as of telegrams that are missed, and the last torque."""
+        nonlocal missed, counts
+        missed, counts = (
+            missed + 1,
+            counts + drive.vel_act_rad_s * rig.period_s * law.counts_per_turn / math.tau,
+        )
+        return drive._replace(
+            age_scans=min(missed, 6), pos_act_counts=round(counts), torque_act_nm=held.torque_act_nm
+        )
+
+    if old_torque:
+        rig.spoil = late
+    if who == "encoder":
+        rig.sim.encoder_gain = -1.0
+    else:
+        rig.drive.faults.command_sign = -1.0
+    assert rig.way_to_rest() <= FEEDBACK_LIMIT_DEG[max(speed, 1.0)]
+    assert rig.axis.feedback.in_doubt is (old_torque or who == "encoder"), rig.texts
 
 
 @at_scans(10.0, share=[0.0, 0.25, 0.5], speed=SPEEDS)

@@ -249,6 +249,15 @@ class Feedback:
         self.in_doubt = True
         self._alarms.raise_(code, Reaction.TORQUE_OFF, **values)
 
+    def disobeyed(self, code: Code, /, **values: object) -> None:
+        """Raise `code`, torque off: the axis does not go where it is told to.
+
+        Its torque tells whether the drive or the sign of the reading is wrong (`Liveness.drive_against`). Where that is
+        older than the speed nothing does, and the angle is not known.
+        """
+        self.in_doubt = self.in_doubt or self.age > 0
+        self._alarms.raise_(code, Reaction.TORQUE_OFF, **values)
+
     def where(self, pos_rad: float) -> Said | Words:
         """An angle for the text of an alarm, as people read it and as far as it is known."""
         return Words.AT(value=deg(self.read_rad(pos_rad))) if self.position_valid else Words.AT_UNKNOWN

@@ -240,9 +240,9 @@ class Monitors:
                     return
                 # Only a drive that obeys is asked for a ramp (B3).
                 obeys = abs(self._feedback.vel_rad_s - vel_cmd_rad_s / self._ratio) <= self._deviation
-                reaction = Reaction.QUICK_STOP if obeys else Reaction.TORQUE_OFF
+                tell = self._alarms.raise_ if obeys else self._feedback.disobeyed
                 speed = deg(abs(self._virtual.vel_ref_rad_s))
-                self._alarms.raise_(Code.CTL_03, reaction, measured=deg(size), limit=deg(band), speed=speed)
+                tell(Code.CTL_03, measured=deg(size), limit=deg(band), speed=speed)
             return
         self._following = 0
         warning = deg(band * self._warning_ratio)
@@ -257,7 +257,7 @@ class Monitors:
         lags = self._feedback.torque_limited and abs(vel) < abs(command) and vel * command >= 0.0
         if not lags:
             limit = deg(self._deviation)
-            self._alarms.raise_(Code.CTL_05, measured=deg(vel), command=deg(command), limit=limit)
+            self._feedback.disobeyed(Code.CTL_05, measured=deg(vel), command=deg(command), limit=limit)
 
     def _too_fast(self, vel: float) -> None:
         self._overspeed = self._feedback.lasting(self._overspeed)

@@ -63,7 +63,7 @@ class RampWatch:
         self._over_envelope = 0 if speed <= allowed else self._feedback.lasting(self._over_envelope)
         overdue = elapsed_s > self._vel_start / self._quick_dec + STOP_TIME_S
         if self._over_envelope * self._period_s >= _ENVELOPE_S or overdue:
-            self._alarms.raise_(Code.DRV_07, measured=deg(speed), limit=deg(allowed))
+            self._feedback.disobeyed(Code.DRV_07, measured=deg(speed), limit=deg(allowed))
             return False
         return True
 

@@ -102,6 +102,14 @@ def shows_no_motion(case: FaultCase) -> bool:
     )
 
 
+def wrong_sign(case: FaultCase) -> bool:
+    """The reading turns the other way than the shaft."""
+    return any(
+        each.where is Place.ENCODER and each.kind == "gain" and each.values["value"] < 0.0
+        for each in case.injections
+    )
+
+
 def _without_brake(each: Injection) -> bool:
     key = (each.where, each.kind)
     if key == (Place.BRAKE, "stuck"):

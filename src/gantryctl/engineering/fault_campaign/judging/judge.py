@@ -10,6 +10,7 @@ from gantryctl.engineering.fault_campaign.judging.effects import (
     may_come_first,
     nothing_holds,
     shows_no_motion,
+    wrong_sign,
 )
 from gantryctl.engineering.fault_campaign.judging.ways import Way, begins
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
@@ -69,6 +70,8 @@ class Judge:
         bench = self._bench
         angle, speed = bench.pos_deg, bench.vel_deg_s
         if self._way is not None:
+            # What the next fault permits hides nothing of the way until now.
+            self._within_limit(self._way)
             self._way.also(fault, abs(speed))
         elif bench.axis.alarms.first_out is None:
             wire = bench.engine.output.vel_cmd_rad_s / self._deg
@@ -86,12 +89,12 @@ class Judge:
         if way is not None and not way.goes_on(self._bench.time_s, pos / self._deg, vel / self._deg):
             self._way = None
             if way.bounded:
-                self._judge(way)
+                self._ways.append(way)
+                self._within_limit(way)
 
-    def _judge(self, way: Way) -> None:
-        self._ways.append(way)
+    def _within_limit(self, way: Way) -> None:
         limit = way.limit()
-        if way.way_deg > limit:
+        if way.bounded and way.way_deg > limit:
             self.found.append(
                 Violation(
                     "INV-1",
@@ -121,6 +124,11 @@ class Judge:
     def blind(self) -> bool:
         """The reading shows no motion."""
         return any(shows_no_motion(case) for case in self._cases)
+
+    @property
+    def angle_unknowable(self) -> bool:
+        """Of a load that nothing holds: the reading stands, or has a wrong sign, which only torque could show."""
+        return self.blind or any(wrong_sign(case) for case in self._cases)
 
     @property
     def _stopping(self) -> bool:

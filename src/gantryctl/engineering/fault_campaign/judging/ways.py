@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -53,6 +54,22 @@ def seen_in_motion(case: FaultCase) -> bool:
     return case.phase is Phase.CRUISE and case.reaction in _CLASSES and not case.from_deviation
 
 
+def _spoils(case: FaultCase) -> bool:
+    effects = [effect_of(each) for each in case.injections]
+    return any(effect.feedback and effect.at_once for effect in effects)
+
+
+def _on_the_way(case: FaultCase) -> FaultCase | None:
+    """The row as an axis meets it that comes to rest already; None where it changes nothing of the way.
+
+    What spoils the reading there is no fault at standstill, whatever phase its own row is run in.
+    """
+    in_a_stop = case.phase is Phase.QUICK_STOP and case.reaction in _CLASSES
+    if in_a_stop or seen_in_motion(case):
+        return case
+    return replace(case, reaction=ReactionClass.FEEDBACK, seen_by=SeenBy.CLASS) if _spoils(case) else None
+
+
 @functools.lru_cache(maxsize=1024)
 def _grid(machine: Machine, reaction: ReactionClass, seen_by: SeenBy) -> tuple[float, ...]:
     return tuple(limit_deg(machine, reaction, speed, seen_by) for speed in _GRID_DEG_S)
@@ -83,8 +100,9 @@ class Way:
         """Another fault begins on the way."""
         self._faults.append(fault)
         self.bounded = self.bounded and fault.number not in _UNBOUNDED
-        if seen_in_motion(fault.case):
-            self._parts.append((fault.case, self.way_deg, speed_deg_s))
+        case = _on_the_way(fault.case)
+        if case is not None:
+            self._parts.append((case, self.way_deg, speed_deg_s))
 
     def asked(self, speed_deg_s: float) -> None:
         """Nobody has seen the fault yet: the motion that people asked for goes on, and its stop begins at its speed.
@@ -133,8 +151,7 @@ class Way:
     @property
     def _spoilt(self) -> bool:
         """The reading is in doubt, or what the drive does with it, from now on."""
-        effects = (effect_of(injection) for each in self._faults for injection in each.injections())
-        return any(effect.feedback and effect.at_once for effect in effects)
+        return any(_spoils(each.case) for each in self._faults)
 
     def _weakened(self, limit: float, speed_deg_s: float) -> float:
         if self._no_torque:

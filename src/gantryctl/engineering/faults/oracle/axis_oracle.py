@@ -116,7 +116,7 @@ class AxisOracle:
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._held: HeldUp | None = None
-        self._disobeys = self._brake_fault = self._creeps = self._spoilt = False
+        self._disobeys = self._brake_fault = self._creeps = False
         self._late_s = self.brake_late_s = self.reading_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
@@ -195,7 +195,6 @@ class AxisOracle:
         self._late_s = max(self._late_s, late_s)
         onset = self._onset
         self._disobeys = self._disobeys or (feedback and not at_once)
-        self._spoilt = self._spoilt or feedback
         self._brake_fault = self._brake_fault or brake
         old = onset is None or self.ms - onset.ms > _CAUSE_MS
         if at_once and (old or (feedback and not self._onset_of_feedback)):
@@ -327,7 +326,7 @@ class AxisOracle:
             # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
             # that is judged by INV-1.
             return
-        if self._spoilt and self._brings_back(vel):
+        if self._brings_back(vel):
             return
         if not asked.held(now, vel):
             self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
@@ -335,8 +334,9 @@ class AxisOracle:
     def _brings_back(self, vel: float) -> bool:
         """The position loop answers the true way from where the command was last that of an axis at rest.
 
-        So it does long after a drive began to turn the other way, and nobody has to ask for it, no further than may be
-        moved without a reason. The command of rest may be off by the regulation, a reading on a bus is some scans old.
+        So it does long after a drive began to turn the other way, or where a load has become too much for the torque,
+        and nobody has to ask for it, no further than may be moved without a reason. The command of rest may be off by
+        the regulation, a reading on a bus is some scans old.
         """
         way = self.angle - self._rest_angle
         late = 1e-3 * self.scans_ms(_READING_SCANS) * abs(self.speed)
@@ -392,7 +392,8 @@ class AxisOracle:
         if self._feedback_fault():
             kind = StopClass.FEEDBACK
         else:
-            quick = first.reaction is _STOPS and not self._brake_fault
+            # What is told as a quick stop when the torque is off already has no ramp.
+            quick = first.reaction is _STOPS and self.energised and not self._brake_fault
             kind = StopClass.QUICK if quick else StopClass.TORQUE_OFF
         now = self._now()
         recent = onset is not None and self.ms - onset.ms < _CAUSE_MS
@@ -542,7 +543,7 @@ class AxisOracle:
         if self._off_unjudged:
             if self._told_torque_off():
                 self._off_unjudged = False
-            elif now - self._off_ms > _TOLD_MS:
+            elif now - self._off_ms > _TOLD_MS and not self._stands_still:
                 self._off_unjudged = False
                 self.say("INV-6", "torque went off with the brake open, and no alarm says so")
         self._unheld_ms = self._unheld_ms + 1 if self.brake_open else 0
@@ -550,6 +551,11 @@ class AxisOracle:
         self._driven_ms = max(self._driven_ms, self._unheld_ms)
         if self._unheld_ms > self._unheld_max_ms:
             self.say("INV-6", f"neither torque nor brake for {self._unheld_ms} ms")
+
+    @property
+    def _stands_still(self) -> bool:
+        """The controller stands still, and can tell nothing before it goes on."""
+        return self._held is not None and self._held.went_on is None
 
     @property
     def _unheld_max_ms(self) -> float:

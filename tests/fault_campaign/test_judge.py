@@ -1,0 +1,73 @@
+"""Where judge or oracle permit what they once did not, a bug of that kind is still found in the same scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from gantryctl.drives.virtual.axis.cabinet import Cabinet
+from gantryctl.drives.virtual.nodes.io_node import IoNode
+from gantryctl.engineering.fault_campaign.draw import pair_scenario
+from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.program.alarms import log
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.power.sequence import PowerSequence
+from support.fault_liars import LIARS
+
+pytestmark = pytest.mark.can
+Plant = Callable[[pytest.MonkeyPatch], None]
+
+
+def _blind_to_a_frozen_encoder(patch: pytest.MonkeyPatch) -> None:
+    true = Feedback.doubt
+
+    def doubt(self: Feedback, code: Code, /, **values: object) -> None:
+        if code not in (Code.ENC_02, Code.ENC_14, Code.BRK_14):
+            true(self, code, **values)
+
+    patch.setattr(Feedback, "doubt", doubt)
+
+
+def _no_word_of_a_lost_torque(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(PowerSequence, "_lost", lambda self: None)
+    patch.setattr(Monitors, "_brake_closed", lambda *_: None)
+    for code in (Code.PWR_01, Code.BRK_06):
+        patch.setitem(log.ALARMS, code, log.ALARMS[code]._replace(reaction=Reaction.W))
+
+
+def _brake_stays_open(patch: pytest.MonkeyPatch) -> None:
+    """Neither the watchdog relay nor the node itself lets it fall."""
+    patch.setattr(Cabinet, "watchdog_closed", True)
+    patch.setattr(IoNode, "_failed", lambda self: None)
+
+
+@pytest.mark.parametrize(
+    ("pair", "until_s", "plant", "invariant"),
+    [
+        pytest.param(1204, 18.5, _blind_to_a_frozen_encoder, "INV-1", id="frozen in a quick stop"),
+        pytest.param(1337, 18.5, _no_word_of_a_lost_torque, "INV-6", id="torque lost while held up"),
+        pytest.param(
+            1188,
+            23.5,
+            LIARS["an angle that is called valid whatever the reading says"].plant,
+            "INV-7",
+            id="wrong sign while late",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            1283, 17.0, _brake_stays_open, "INV-6", id="brake of a dead node", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_a_bug_is_found_where_the_judge_has_learned(
+    pair: int, until_s: float, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = pair_scenario(1, pair, 4.0)
+    actions = tuple(each for each in drawn.actions if each.at_s < until_s)
+    scene = drawn.model_copy(update={"actions": actions, "duration_s": until_s})
+    assert play(scene).ok
+    plant(monkeypatch)
+    assert invariant in {each.invariant for each in play(scene).violations}
