@@ -123,13 +123,19 @@ def test_a_drive_that_is_off_gives_no_torque(period_s, way, torque_nm, wrong):
     assert parts.holding.believed
 
 
-@pytest.mark.parametrize("spoilt", ["enabled", "silent", "unknown torque", "in parts"])
+@pytest.mark.parametrize(
+    "spoilt", ["enabled", "its fault reaction", "silent", "late position", "unknown torque", "in parts"]
+)
 def test_where_torque_while_off_says_nothing(spoilt):
     parts = Parts(torque_preload=spoilt != "unknown torque")
     watch = watched(parts, 100.0)
     parts.feedback.state = DriveState.SWITCH_ON_DISABLED
     if spoilt == "enabled":
         parts.feedback.state = DriveState.QUICK_STOP_ACTIVE
+    elif spoilt == "its fault reaction":
+        parts.feedback.state = DriveState.FAULT_REACTION_ACTIVE
+    elif spoilt == "late position":
+        parts.feedback.age = 1
     elif spoilt == "silent":
         parts.feedback.age = parts.feedback._speed_age = 30
 

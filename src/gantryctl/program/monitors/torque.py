@@ -8,7 +8,7 @@ from typing import Final
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.feedback import ENABLED, Feedback
+from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.holding_torque import LEARN_SHARE, HoldingTorque
 from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
@@ -174,20 +174,24 @@ class TorqueWatch:
         self._alarms.raise_(Code.CTL_06, reaction, measured=100.0 * share, torque=abs(self._mean_nm))
 
     def scan_released(self) -> None:
-        """Judge a scan in which the axis does not follow: switched off there is nothing to read."""
-        if -self._off_nm <= self._feedback.torque_nm <= self._off_nm:
+        """Judge a scan in which the axis does not follow: switched off there is nothing to read.
+
+        On the ramp of its own fault reaction a drive is not off yet.
+        """
+        feedback = self._feedback
+        if -self._off_nm <= feedback.torque_nm <= self._off_nm:
             if self._off or not self._holding.believed:
                 self._sound_again()
-        # Torque comes with the speed: what a silent drive sent last, while it still had torque, says nothing.
-        elif self._known and self._feedback.state not in ENABLED and self._feedback.speed_known:
-            self._off = self._feedback.lasting(self._off)
+        # What a silent drive sent last, while it still had torque, says nothing; torque comes with speed or position.
+        elif self._known and not (feedback.energised or feedback.age) and feedback.speed_known:
+            self._off = feedback.lasting(self._off)
             if self._off >= self._off_scans:
-                self._wrong_reading(Words.TORQUE_WHILE_OFF(torque=self._feedback.torque_nm))
+                self._wrong_reading(Words.TORQUE_WHILE_OFF(torque=feedback.torque_nm))
 
     def _sound_again(self) -> None:
         """A reading that is nothing while the drive is off is believed again."""
         self._off = 0
-        if self._feedback.state not in ENABLED:
+        if not self._feedback.energised:
             self._holding.believed = True
 
     def _suspect(self, torque_nm: float, rise_nm: float, deviation_rad_s: float) -> None:
