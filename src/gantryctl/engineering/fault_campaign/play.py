@@ -164,6 +164,9 @@ class _Run:
             axis.contact_lies = each.values["open"]
         if each.kind == "stall":
             axis.controller_held(each.values["late_s"])
+        if each.kind in ("drive_silent", "rpdo_lost"):
+            # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
+            axis.controller_held(bench.machine.can.watchdog_ms * 1e-3)
         axis.fault_injected(
             feedback=effect.feedback, at_once=effect.at_once, brake=effect.brake, late_s=effect.late_s
         )

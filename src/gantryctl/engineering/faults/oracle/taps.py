@@ -24,10 +24,11 @@ _FEEDBACK: Final = frozenset(
     {"freeze_position", "position_offset", "command_sign", "encoder_gain", "encoder_flags", "velocity_reading",
      "ignore_target", "never_move", "quick_stop_off", "mode_display"}
 )  # fmt: skip
-# Faults that show only when something else happens: a quick stop, a closing brake, a command to change state.
+# Faults that show only when something else happens: a quick stop, a closing brake, a command to change state, a motion
+# that needs torque.
 _LATER: Final = frozenset(
     {"quick_stop_off", "stuck_state", "brake_feedback", "brake_torque_share", "brake_close_slow_s", "torque_offset",
-     "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share"}
+     "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share", "no_torque"}
 )  # fmt: skip
 _COUNT_RAD: Final = 1.0
 # Identifiers of CiA 301: NMT and SYNC; RPDO 1 to 4 and SDO requests; heartbeats.
@@ -222,7 +223,7 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
                 axis.fault_injected(
                     feedback=name in _FEEDBACK,
                     at_once=name not in _LATER,
-                    brake=name.startswith("brake") or name == "torque_limit_share",
+                    brake=name.startswith("brake") or name in ("torque_limit_share", "no_torque"),
                     late_s=limits.BRAKE_BEGINS_S if value == "closed" else 0.0,
                 )
 
