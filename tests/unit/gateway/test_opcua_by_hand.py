@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import defaultdict
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from asyncua.crypto.permission_rules import UserRole  # noqa: E402
 from gantryctl.errors import StateError  # noqa: E402
 from gantryctl.gateway.opcua import listener as listener_module  # noqa: E402
 from gantryctl.gateway.opcua import people as people_module  # noqa: E402
+from gantryctl.gateway.opcua import trust  # noqa: E402
 from gantryctl.gateway.opcua.listener import Connection, Listener  # noqa: E402
 from gantryctl.gateway.opcua.people import People, Reader  # noqa: E402
 from gantryctl.gateway.opcua.server import _SAID, POLICIES  # noqa: E402
@@ -268,6 +270,21 @@ def test_one_remote_address_has_four_connections_and_this_machine_sixteen() -> N
     for address, most in (("192.0.2.7", 4), ("127.0.0.1", 16)):
         places = Listener(Wall(), "127.0.0.1", 0).places  # type: ignore[arg-type]
         assert [places.take(address) is not None for _ in range(most + 1)] == [True] * most + [False]
+
+
+def test_every_row_of_a_list_is_revoked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two lists with two certificates each."""
+    rows = {b"one": (5, 7), b"two": (7, 9)}
+    monkeypatch.setattr(
+        trust, "_revoked", lambda data: [SimpleNamespace(serial_number=each) for each in rows[data]]
+    )
+    events: Any = SimpleNamespace(put=lambda *_: None)
+    known = trust.TrustList(tmp_path, events)
+    for name in (b"one", b"two"):
+        (tmp_path / "revoked" / name.decode()).write_bytes(name)
+    assert known.refresh()
+    assert known._serials == {5, 7, 9}
+    assert not known.refresh()
 
 
 def test_no_request_is_looked_at_while_the_client_takes_no_answers() -> None:

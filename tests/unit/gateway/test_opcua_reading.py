@@ -135,6 +135,8 @@ def test_an_extension_object_is_passed_over_as_the_library_reads_it() -> None:
     body = Bounded(extension(kind, b"abc") + b"rest")
     assert _skip_extension(body) == kind
     assert bytes(body.read(4)) == b"rest"
+    # A number of another namespace is another type.
+    assert _skip_extension(Bounded(b"\1\2" + kind.to_bytes(2, "little") + b"\0")) is None
     # No body, a body of bytes, a body in XML (Part 6, section 5.2.2.15), and what there is not.
     assert _skip_extension(Bounded(b"\0\0\0")) == 0
     for encoding in (b"\2", b"\3"):

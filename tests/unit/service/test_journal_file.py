@@ -66,7 +66,7 @@ def answers(**changes: Any) -> Any:
         ({"quick_check": [("row 3 missing from index",)]}, "is damaged"),
         ({"quick_check": [("ok",), ("row 3",)]}, "is damaged"),
         ({"sqlite_schema": [(table,) for table in file.TABLES[:3]]}, "not those of a journal"),
-        ({"sqlite_schema": [*((table,) for table in file.TABLES), ("CREATE TABLE more (a)",)]}, "not those of a journal"),
+        ({"sqlite_schema": [*((each,) for each in file.TABLES), ("CREATE TABLE a",)]}, "not those of a journal"),
     ],
 )  # fmt: skip
 def test_a_file_of_another_kind_or_version_is_no_journal(changes: dict[str, Any], words: str) -> None:
