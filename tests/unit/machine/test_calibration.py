@@ -44,7 +44,7 @@ def test_the_text_of_a_calibration_is_read_back_bit_for_bit(tmp_path: Path) -> N
         ("swing_hz = ", "swing_hz = nan #", "swing_hz"),
         ("swing_hz = ", "swing_hz = -1.0 #", "swing_hz"),
         ("stiffness_nm_per_rad = ", "stiffness_nm_per_rad = 0.0 #", "stiffness_nm_per_rad"),
-        ("version = 3", "version = 0", "version"),
+        ("version = 4", "version = 0", "version"),
         ("identity = ", 'identity = "none" #', "identity"),
         ("moment_sine_nm = ", "moment_sin_nm = ", "moment_sin_nm"),
         ("[maps]", "[map]", "map"),

@@ -323,10 +323,11 @@ class TestBounds:
         ("key", "value", "bound", "wanted"),
         [
             ("moment_nm", 9e3, "moment_bound_nm", 9e3),
-            ("backlash_deg", 0.01, "backlash_bound_rad", rad(0.01)),
+            # Beside the backlash that the calibration has.
+            ("backlash_deg", 0.01, "backlash_bound_rad", 1.991e-5 + rad(0.01)),
             ("lost_motion_deg", 0.01, "lost_motion_bound_rad", rad(0.01)),
-            # Of 12.3 kN m of Coulomb friction and 59 kN m s/rad at 6 deg/s.
-            ("friction_ratio", 0.5, "friction_bound_nm", 0.5 * (12336.8 + 58992.8 * rad(6.0))),
+            # Of 12.35 kN m of Coulomb friction and 58 kN m s/rad at 6 deg/s.
+            ("friction_ratio", 0.5, "friction_bound_nm", 0.5 * (12350.0 + 58000.0 * rad(6.0))),
         ],
     )
     def test_a_person_may_allow_more(self, key: str, value: float, bound: str, wanted: float) -> None:

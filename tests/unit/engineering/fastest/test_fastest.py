@@ -7,7 +7,6 @@ import math
 import pytest
 
 from gantryctl.engineering.fastest.search import Limits, bound_s, fastest_moves
-from gantryctl.engineering.identification import SimulatedAxis, calibrate
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from support.command_line import refused
@@ -100,16 +99,12 @@ def test_wrong_questions_are_refused(given: tuple[str, ...], says: str) -> None:
     assert says in refused("profile", *given)
 
 
-def test_with_what_is_identified_today_90_deg_take_22_s() -> None:
-    """At the base motion of the paper's loop, both ways: the gap is planned, and the mesh, 5.6 Hz, is followed whole.
-
-    Measured 21.78 s and 0.0103 deg/s; as delivered 22.43 s and 0.0176 deg/s. The limits are those of issue 16.
+def test_the_delivered_machine_is_quick_true_and_calm_at_once() -> None:
+    """At the base motion of the paper's loop, both ways: the limits of issue 16. Measured 22.87 s, 0.0100 deg/s and 2.6 um
+    with ramps of one period of the first mode.
     """
-    known = calibrate(SimulatedAxis(improved_machine()))
-    machine = with_values(
-        improved_machine().calibrated(known), {"control.compensation.gear_map.fade_hz": 16.0}
-    )
-    ((found,),) = fastest_moves(machine, MOVE_DEG, [Limits(base_um=165.0)], [0.493])
+    ((found,),) = fastest_moves(improved_machine(), MOVE_DEG, [Limits(base_um=165.0)], [0.494])
     assert found.binding == "base"
-    assert found.move.time_s <= 22.0
+    assert found.move.time_s <= 24.0
     assert found.move.load_error_deg_s <= 0.012
+    assert found.move.residual_um <= 5.0
