@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -203,6 +205,18 @@ def test_a_drive_that_watches_nothing_is_not_even_commissioned(tmp_path: Path) -
         assert any("stops_without_commands: lacking" in line for line in said)
         with pytest.raises(CommandRefused, match="CFG-CAN-05"):
             AxisRun(machine, store, commissioning=True)
+
+
+@pytest.mark.parametrize("on_bus", [True, False])
+@pytest.mark.parametrize("local", [True, False])
+@pytest.mark.parametrize("required", [True, False])
+def test_a_drive_on_a_bus_that_is_not_virtual_must_be_proven(
+    on_bus: bool, local: bool, required: bool
+) -> None:
+    """Unless its file says that it need not be: a drive of a test bench."""
+    can = SimpleNamespace(commissioning_required=required)
+    machine: Any = SimpleNamespace(on_bus=on_bus, plant_is_local=local, can=can)
+    assert must_be_proven(machine) is ((on_bus, local, required) == (True, False, True))
 
 
 @pytest.mark.parametrize("machine", [VIRTUAL, with_values(REAL, {"can.commissioning_required": False})])

@@ -21,7 +21,7 @@ def newest(seq: int) -> Newest:
 
 
 def test_a_seal_is_of_one_kind() -> None:
-    """printf 'event\\0x' | openssl dgst -sha256 -mac HMAC -macopt hexkey:(64 zeros)."""
+    """By openssl dgst -sha256 -mac HMAC with a key of 64 zeros, of the kind, a zero byte and the content."""
     assert KEY.seal("event", b"x") == "9f8f3613b068920d119a1a707d2c632cf81e19aad81a3137f4456817c2e83a9f"
     assert (
         len({KEY.seal(kind, content) for kind, content in (("event", b"x"), ("newest", b"x"), ("", b"x"))})
