@@ -80,6 +80,8 @@ class RowFilter:
         happened = first or gap or self._is_event(mark, row)
         self._newest_s, self._before, self._mark = time_s, row, mark
         if happened:
+            # What stays out of its band becomes the rest that follows: it is no event in every scan from now on.
+            self._rest = ()
             self._until_s = time_s + AFTER_S + 0.5 * self._period_s
             found = self.flush()
             found.append(self._spaced(row, gap))
