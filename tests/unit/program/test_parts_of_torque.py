@@ -125,7 +125,7 @@ def test_a_drive_that_is_off_gives_no_torque(period_s, way, torque_nm, wrong):
 
 @pytest.mark.parametrize(
     "spoilt",
-    ["enabled", "its fault reaction", "silent", "late position", "late speed", "unknown torque", "in parts"],
+    ["enabled", "its fault reaction", "silent", "late position", "unknown torque", "in parts"],
 )
 def test_where_torque_while_off_says_nothing(spoilt):
     parts = Parts(torque_preload=spoilt != "unknown torque")
@@ -137,8 +137,6 @@ def test_where_torque_while_off_says_nothing(spoilt):
         parts.feedback.state = DriveState.FAULT_REACTION_ACTIVE
     elif spoilt == "late position":
         parts.feedback.age = 1
-    elif spoilt == "late speed":
-        parts.feedback._speed_age = 30
     elif spoilt == "silent":
         parts.feedback.age = parts.feedback._speed_age = 30
 

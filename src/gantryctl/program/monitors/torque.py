@@ -182,8 +182,8 @@ class TorqueWatch:
         if -self._off_nm <= feedback.torque_nm <= self._off_nm:
             if self._off or not self._holding.believed:
                 self._sound_again()
-        # What a silent drive sent last, while it still had torque, says nothing; torque comes with speed or position.
-        elif self._known and not (feedback.energised or feedback.age) and feedback.speed_known:
+        # What a silent drive sent last, while it still had torque, says nothing.
+        elif self._known and not (feedback.energised or feedback.age):
             self._off = feedback.lasting(self._off)
             if self._off >= self._off_scans:
                 self._wrong_reading(Words.TORQUE_WHILE_OFF(torque=feedback.torque_nm))
