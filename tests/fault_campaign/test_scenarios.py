@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import pytest
 
-from gantryctl.engineering.fault_campaign.draw import drawable, pair_scenario, random_scenario
+from gantryctl.engineering.fault_campaign.draw import drawable, pair_scenario, random_scenario, wide_scenario
+from gantryctl.engineering.fault_campaign.machines import base_of, machine_of
 from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.fault_campaign.scenario import (
     Action,
@@ -45,6 +47,16 @@ def test_shares_of_faults_and_drives_are_those_that_were_asked_for() -> None:
     assert {each.scan_ms for each in drawn} == {1.0, 4.0, 10.0}
 
 
+def test_wide_scenarios_have_every_scan_period_and_plants_at_the_edge() -> None:
+    drawn = [wide_scenario(1, seed) for seed in range(200)]
+    assert {each.scan_ms for each in drawn} == {1.0, 2.0, 4.0, 10.0}
+    assert {(each.edge, each.second_pinion) for each in drawn} == set(product((False, True), repeat=2))
+    base = base_of(drawn[0])
+    at_edge = machine_of(drawn[0].model_copy(update={"edge": True, "second_pinion": False}))
+    off = at_edge.plant.load.inertia_kg_m2 / base.plant.load.inertia_kg_m2
+    assert abs(off - 1.0) == pytest.approx(0.2)
+
+
 def test_a_seed_is_a_scenario_on_every_computer() -> None:
     """Written down once: another Python, another processor, the same numbers."""
     first = random_scenario(1, 123, 4.0)
@@ -59,7 +71,7 @@ def test_a_seed_is_a_scenario_on_every_computer() -> None:
 
 def test_a_file_gives_the_same_scenario_again(tmp_path: Path) -> None:
     for seed in range(30):
-        drawn = random_scenario(1, seed)
+        drawn = wide_scenario(1, seed)
         file = tmp_path / "scenario.toml"
         file.write_text(scenario_toml(drawn))
         assert load_scenario(file) == drawn

@@ -33,10 +33,11 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--kind",
-            type=click.Choice(("random", "pairs", "matrix")),
+            type=click.Choice(("random", "pairs", "wide", "matrix")),
             default="random",
             show_default=True,
-            help="Drawn scenarios, forced pairs of faults, or each fault in each phase.",
+            help="Drawn scenarios, forced pairs of faults, drawn ones on machines further away, or each fault in each "
+            "phase.",
         ),
     ):
         command = option(command)

@@ -69,11 +69,17 @@ def random_plant(machine: Machine, seed: int) -> Machine:
     return with_values(machine, random_plant_values(machine, seed))
 
 
-def random_plant_values(machine: Machine, seed: int) -> dict[str, object]:
-    """Values of `random_plant` by path, for a machine that changes in other things too."""
+def random_plant_values(machine: Machine, seed: int, *, edge: bool = False) -> dict[str, object]:
+    """Values of `random_plant` by path, for a machine that changes in other things too.
+
+    Args:
+        edge: each value is 20 % above or below that of the machine.
+    """
     # Another stream than that of the phases: the same seed gives the same gear with and without other values.
     rng = np.random.default_rng([seed, 1])
     factor = {key: float(rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)) for key in _VARIED}
+    if edge:
+        factor = {key: 1.0 + (SPREAD if value > 1.0 else -SPREAD) for key, value in factor.items()}
     factor |= {key: factor[partner] for key, partner in _TOGETHER.items()}
     changes: dict[str, object] = random_gear_values(seed)
     for key in _VARIED:

@@ -33,6 +33,7 @@ _FIRST_ACTION_S: Final = 2.2
 _LAST_S: Final = 27.0
 _TOP_DEG_S: Final = 6.0
 _SCANS_MS: Final = (1.0, 4.0, 4.0, 10.0)
+_WIDE_SCANS_MS: Final = (1.0, 2.0, 4.0, 10.0)
 _DEEDS: Final[tuple[Deed, ...]] = (
     "move", "move", "move", "move", "jog", "jog", "jog", "increment", "halt", "stop", "override", "power_off",
     "quick_stop", "recover", "brake_test", "power",
@@ -86,7 +87,20 @@ def random_scenario(series: int, number: int, scan_ms: float | None = None) -> S
     Args:
         scan_ms: the same for all; drawn when not given.
     """
-    draw = Draw(f"random {series} {number}")
+    name = f"random {series} {number}"
+    return _random(Draw(name), name, number, scan_ms)
+
+
+def wide_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
+    """The same on machines further away: every scan period, a second pinion, each value of the plant 20 % off."""
+    name = f"wide {series} {number}"
+    draw = Draw(name)
+    scan_ms = draw.one_of(_WIDE_SCANS_MS) if scan_ms is None else scan_ms
+    further = {"second_pinion": draw.happens(0.5), "edge": draw.happens(0.5)}
+    return _random(draw, name, number, scan_ms).model_copy(update=further)
+
+
+def _random(draw: Draw, name: str, number: int, scan_ms: float | None) -> Scenario:
     drive: Drive = "bus" if draw.happens(BUS_SHARE) else "sim"
     base = _machine(draw, drive, number, scan_ms)
     actions = _deeds(draw, base.angle_deg)
@@ -99,7 +113,7 @@ def random_scenario(series: int, number: int, scan_ms: float | None = None) -> S
     for _ in range(count):
         of = only_bus if only_bus and draw.happens(_BUS_ROWS_SHARE) else rows
         faults.append(_fault(draw, draw.one_of(of), actions))
-    return _made(draw, base, f"random {series} {number}", actions, faults)
+    return _made(draw, base, name, actions, faults)
 
 
 def pair_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:

@@ -7,15 +7,21 @@ import json
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from gantryctl.engineering.fault_campaign.draw import DURATION_S, pair_scenario, random_scenario
+from gantryctl.engineering.fault_campaign.draw import (
+    DURATION_S,
+    pair_scenario,
+    random_scenario,
+    wide_scenario,
+)
 from gantryctl.engineering.fault_campaign.scenario import Scenario
 from gantryctl.engineering.faults.injection import finite
 from gantryctl.errors import UsageError
 
-Kind = Literal["random", "pairs", "matrix"]
-KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "matrix")
+Kind = Literal["random", "pairs", "wide", "matrix"]
+KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "wide", "matrix")
 # Of the way scenarios of a kind are drawn: another number gives other scenarios, and no result goes on with them.
-_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "matrix": 1}
+_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "wide": 1, "matrix": 1}
+_DRAWS: Final = {"random": random_scenario, "pairs": pair_scenario, "wide": wide_scenario}
 
 
 @dataclass(frozen=True)
@@ -44,8 +50,7 @@ class FaultCampaign:
 
     def scenario(self, seed: int) -> Scenario:
         """The scenario of a seed; not for the matrix, whose cells are runs of a row."""
-        draw = pair_scenario if self.kind == "pairs" else random_scenario
-        return draw(self.series, seed, self.scan_ms)
+        return _DRAWS[self.kind](self.series, seed, self.scan_ms)
 
 
 def campaign_of(kind: str, series: int = 1, scan_ms: float | None = None) -> FaultCampaign:

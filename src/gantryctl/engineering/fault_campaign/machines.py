@@ -45,5 +45,7 @@ def machine_of(scenario: Scenario) -> Machine:
     if scenario.hold_s is not None:
         values |= {"brake.hold": "brake", "brake.hold_brake_after_s": scenario.hold_s}
     if scenario.plant_seed is not None:
-        values |= random_plant_values(machine, scenario.plant_seed)
+        values |= random_plant_values(machine, scenario.plant_seed, edge=scenario.edge)
+    if scenario.second_pinion:
+        values["plant.switches.second_pinion"] = True
     return with_values(machine, values)

@@ -102,7 +102,8 @@ class Scenario(BaseModel):
         name: of the campaign and its number, for people.
         drive: the simulated drive in process, or the virtual one behind a bus. beside: with nodes beside it.
         scan_ms, answer_ms: scan period; how long a scan waits for the bus.
-        plant_seed: of a plant within 20 %; None: that of the machine file.
+        plant_seed: of a plant within 20 %; None: that of the machine file. edge: each of its values is 20 % off.
+        second_pinion: the gear has one.
         ramp_deg_s2: acceleration and deceleration; None: those of the machine file.
         hold_s: the brake closes after so long at standstill; None: torque holds.
         angle_deg: at the start.
@@ -117,6 +118,8 @@ class Scenario(BaseModel):
     scan_ms: Annotated[float, Field(ge=0.5, le=20.0)] = 4.0
     answer_ms: Annotated[float, Field(ge=0.1, le=20.0)] = 2.0
     plant_seed: Annotated[int, Field(ge=0)] | None = None
+    edge: bool = False
+    second_pinion: bool = False
     ramp_deg_s2: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     hold_s: Annotated[float, Field(gt=0.0, le=60.0)] | None = None
     angle_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 0.0

@@ -19,6 +19,7 @@ def scenario_words(scenario: Scenario) -> str:
     if scenario.beside:
         drive = "bus with nodes beside the drive"
     plant = "plant of the machine file" if scenario.plant_seed is None else f"plant {scenario.plant_seed}"
+    plant += ", each value 20 % off" * scenario.edge + ", second pinion" * scenario.second_pinion
     return f"{drive}, scan {scenario.scan_ms:g} ms, {plant}, begins at {scenario.angle_deg:g} deg"
 
 

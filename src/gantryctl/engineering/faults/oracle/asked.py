@@ -71,7 +71,7 @@ class Asked:
             self._key_counts = False
         elif pressed:
             self._press(op, now, vel, rests=not self._turns_round(op, angle, moves))
-        elif renewed and self._key_counts and op.mode is Mode.CONTINUOUS and (op.forward or op.reverse):
+        elif renewed and self._key_counts and self._by_jog and (op.forward or op.reverse):
             # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
             fastest = abs(vel) / self._ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2
             ramp_s = (
@@ -84,7 +84,8 @@ class Asked:
             release = ramps.jog_release_dec_rad_s2
             self._ends_by(min(ramps.dec_rad_s2, release) if op.halt else release, now, vel)
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
-        if released and op.mode is Mode.CONTINUOUS and self._key_counts:
+        # What the key began counts, not a mode that was chosen while it was held.
+        if released and self._by_jog and self._key_counts:
             self._ends_by(ramps.jog_release_dec_rad_s2, now, vel)
 
     def _press(self, op: OperatorCommand, now: int, vel: float, *, rests: bool) -> None:
