@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from gantryctl.errors import UsageError
-from gantryctl.service.recorder.retention import RetentionPolicy, free_of
+from gantryctl.service.recorder.retention import MB, RetentionPolicy, free_of
 
 
 @pytest.mark.parametrize(("free_mb", "shortage"), [(64.0, 0), (63.9, 1), (16.0, 1), (15.9, 2), (0.0, 2)])
@@ -51,3 +51,8 @@ def test_the_disk_is_that_of_the_directory_or_of_what_is_left_above_it(
     directory.rmdir()
     assert free() == 7
     assert asked == [directory, tmp_path / "state"]
+
+
+def test_sizes_are_in_mb_of_2_to_the_20_bytes() -> None:
+    """As the files that they limit are counted, and the free room of a disk."""
+    assert MB == 1_048_576

@@ -1,0 +1,127 @@
+"""The writer of the journal by hand: what it finds at its start, what locks it, what is on the disk when."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from gantryctl.service.recorder.journal import file, writer
+from gantryctl.service.recorder.journal.chain import Anchor
+from gantryctl.service.recorder.journal.key import read_key
+from gantryctl.service.recorder.journal.mirror import Mirror, Newest
+from gantryctl.service.recorder.journal.places import places_of
+from gantryctl.service.recorder.journal.reading import read_journal
+from gantryctl.service.recorder.journal.writer import Journal
+
+pytestmark = pytest.mark.usefixtures("keys")
+
+
+def record(text: str, kind: str = "command") -> bytes:
+    return json.dumps({"utc": "2026-01-01", "monotonic_ns": 1, "kind": kind, "text": text}).encode()
+
+
+def filled(directory: Path, count: int = 3) -> Journal:
+    made = Journal(directory)
+    made.append(1, 0, 1, [record(f"event {n}") for n in range(1, count + 1)])
+    return made
+
+
+def texts(directory: Path) -> list[str]:
+    return [entry.values["text"] for entry in read_journal(directory)]
+
+
+def test_a_journal_that_was_cut_to_nothing_is_gone_and_locks_the_new_one(tmp_path: Path) -> None:
+    """There is nothing to move aside; the mirrors know that three events were there."""
+    filled(tmp_path).close()
+    os.truncate(tmp_path / "journal.sqlite", 0)
+    made = Journal(tmp_path)
+    assert made.locked
+    assert made.moved_aside is None
+    made.close()
+    (told,) = texts(tmp_path)
+    assert told.startswith("JRN-04")
+    assert "3" in told.removeprefix("JRN-04")
+
+
+def test_of_two_mirrors_the_one_that_knows_more_is_believed(tmp_path: Path) -> None:
+    """A power cut came between them, and the journal is gone."""
+    made = filled(tmp_path)
+    name = made._name
+    made.close()
+    places = places_of(tmp_path)
+    key = read_key(places.key)
+    for path, seq in zip(places.mirrors, (41, 42), strict=True):
+        mirror = Mirror(path, key)
+        mirror.write(Newest(Anchor(seq, "00", "2026-01-01", name), 0))
+        mirror.close()
+    (tmp_path / "journal.sqlite").unlink()
+    Journal(tmp_path).close()
+    (told,) = texts(tmp_path)
+    assert "42" in told
+    assert "41" not in told
+
+
+def test_an_anchor_is_of_an_event_and_there_once(tmp_path: Path) -> None:
+    made = Journal(tmp_path)
+    assert made.anchor() is None
+    made.append(1, 0, 1, [record("one")])
+    anchor = made.anchor()
+    assert anchor is not None
+    assert anchor.seq == 1
+    assert made.anchor() is None
+    made.append(1, 0, 2, [record("two")])
+    assert made.anchor() is not None
+    made.close()
+
+
+def test_an_anchor_is_in_its_file_when_the_disk_is_asked_to_keep_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, kept = filled(tmp_path), list[str]()
+    anchors = places_of(tmp_path).anchors
+    monkeypatch.setattr(writer.os, "fsync", lambda _: kept.append(anchors.read_text(encoding="utf-8")))
+    anchor = made.anchor()
+    made.close()
+    assert anchor is not None
+    assert kept == [f"\n{anchor.line}\n"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "locked"),
+    [
+        (["lock", "command"], True), (["command", "lock"], True), (["lock", "journal"], False),
+        (["journal", "lock"], True), (["lock", "note"], True),
+    ],
+)  # fmt: skip
+def test_a_lock_holds_over_all_events_of_its_commit(tmp_path: Path, rows: list[str], locked: bool) -> None:
+    """Until somebody else says something about the journal; what the writer notes frees nothing."""
+    made = Journal(tmp_path)
+    lock, note = file.own_row("alarm", "JRN-07", lock=True), file.own_row("service", "a note")
+    each = {"lock": lock, "note": note} | {
+        kind: file.row_of(1, 0, number, record(kind, kind))
+        for number, kind in enumerate(("command", "journal"), 1)
+    }
+    made._keep([each[row] for row in rows])
+    assert made.locked is locked
+    made.reflect()
+    made.close()
+    again = Journal(tmp_path)
+    assert again.locked is locked
+    again.close()
+
+
+def test_a_commit_that_failed_leaves_the_numbers_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = filled(tmp_path)
+    with monkeypatch.context() as failing:
+        failing.setattr(file, "INSERT", "INSERT INTO nowhere VALUES (?)")
+        with pytest.raises(writer.JournalFault):
+            made.append(1, 0, 4, [record("event 4"), record("event 5")])
+    assert made.newest.seq == 3
+    made.append(1, 0, 4, [record("event 4")])
+    made.close()
+    assert [entry.seq for entry in read_journal(tmp_path)] == [1, 2, 3, 4]
