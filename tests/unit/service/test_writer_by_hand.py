@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from gantryctl.service.recorder.journal import file, writer
 from gantryctl.service.recorder.journal.chain import Anchor
-from gantryctl.service.recorder.journal.key import read_key
+from gantryctl.service.recorder.journal.key import Key, read_key
 from gantryctl.service.recorder.journal.mirror import Mirror, Newest
 from gantryctl.service.recorder.journal.places import places_of
+from gantryctl.service.recorder.journal.proof import verify
 from gantryctl.service.recorder.journal.reading import read_journal
 from gantryctl.service.recorder.journal.writer import Journal
 
@@ -125,3 +128,31 @@ def test_a_commit_that_failed_leaves_the_numbers_as_they_were(
     made.append(1, 0, 4, [record("event 4")])
     made.close()
     assert [entry.seq for entry in read_journal(tmp_path)] == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("newest", "seen"), [(1, False), (2, True), (3, True), (0, True)])
+def test_a_quick_check_judges_as_many_of_the_newest_as_it_says(
+    tmp_path: Path, newest: int, seen: bool
+) -> None:
+    """Event 4 of five was changed."""
+    filled(tmp_path, 5).close()
+    with closing(sqlite3.connect(tmp_path / "journal.sqlite")) as db, db:
+        db.execute("UPDATE events SET text = 'nothing' WHERE seq = 4")
+    assert bool(verify(tmp_path, newest=newest).wrong) is seen
+
+
+def test_a_journal_that_somebody_else_has_sealed_is_told(tmp_path: Path) -> None:
+    filled(tmp_path).close()
+    assert verify(tmp_path).wrong == ""
+    assert verify(tmp_path, key=Key(b"x" * 32)).wrong == "it is sealed with another key"
+
+
+def test_what_lies_beside_a_journal_that_was_cut_to_nothing_is_kept_as_evidence(tmp_path: Path) -> None:
+    """SQLite would take the log away that belongs to no database."""
+    filled(tmp_path).close()
+    os.truncate(tmp_path / "journal.sqlite", 0)
+    (tmp_path / "journal.sqlite-wal").write_bytes(b"evidence")
+    made = Journal(tmp_path)
+    made.close()
+    assert made.moved_aside is not None
+    assert made.moved_aside.with_name(f"{made.moved_aside.name}-wal").read_bytes() == b"evidence"
