@@ -17,14 +17,13 @@ from gantryctl.engineering.identification.lead import (
     fit_lead,
     harmonics_of,
     wave_solution,
-    waves_of,
 )
 from gantryctl.engineering.identification.least_squares import estimate_of
 from gantryctl.engineering.identification.measure import AxisUnderTest, MotionRecording, record
 from gantryctl.engineering.identification.samples import Floats, Samples, joined
 from gantryctl.engineering.identification.torque_balance import BalanceFit, TorqueBalance, torque_balance
 from gantryctl.engineering.identification.validation import Validation, validated
-from gantryctl.engineering.identification.waves import Band, find_waves
+from gantryctl.engineering.identification.waves import Band, find_waves, waves_of
 from gantryctl.errors import CriterionNotMet
 from gantryctl.machine import Calibration, Identified, Machine, Maps, Number, Unknown, identity_hash
 from gantryctl.machine.calibration import FAST_WAVES, SCALE_HARMONICS, Origin

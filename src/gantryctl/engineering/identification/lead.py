@@ -6,8 +6,9 @@
             + b/2 s(Tg / T_w)                               backlash b: on which flank the mesh torque Tg lies
 
 N is the order that predicts best what was not in the fit (cross-validation over stretches of the motion), single
-waves are those that stand out of the spectrum of what is left. Backlash is told from friction by where it jumps: not
-where the motion turns round but where the torque in the mesh does.
+waves are those that stand out of the spectrum of what is left. Where what both leave comes again in the other turn, as
+pitch errors of single teeth do, the mean map has all the waves that the law carries (`waves.py`). Backlash is told from
+friction by where it jumps: not where the motion turns round but where the torque in the mesh does.
 """
 
 from __future__ import annotations
@@ -17,25 +18,24 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.identification.least_squares import (
-    StretchSums,
-    cross_validated,
-    estimate_of,
-    solved,
-)
+from gantryctl.engineering.identification.least_squares import BETTER, StretchSums, estimate_of, solved
 from gantryctl.engineering.identification.samples import Floats, Samples
-from gantryctl.engineering.identification.waves import Band, find_waves
+from gantryctl.engineering.identification.waves import (
+    Band,
+    ToothWaves,
+    find_waves,
+    tooth_waves,
+    waves_of,
+)
 from gantryctl.machine.calibration import MAP_HARMONICS, REVERSAL_HARMONICS
 
 # Gears err by less than this: a wave that a short travel cannot tell from others stays as small.
 _WAVE_SPREAD_RAD: Final = 3e-4
 # What is left of one sample, as the prior weighs it.
 _SAMPLE_RAD: Final = 1e-5
-# Orders of the maps that are tried: of gears that differ little from tooth to tooth, and of all others.
-_ORDERS: Final = ((4, 8, 12, 16, 20, 24, 28, 32), (48, 64, 96, 128, 160, MAP_HARMONICS))
+# Orders of the smooth maps that are tried.
+_ORDERS: Final = (4, 8, 12, 16, 20, 24, 28, 32)
 _REVERSAL_ORDERS: Final = (0, 2, 4, 8, REVERSAL_HARMONICS)
-# A model with more in it must predict better by this part: what it carries beside it is noise.
-_BETTER: Final = 0.98
 
 # Up to so many times the waves that are read; beyond, the load stands still.
 _SHAKEN: Final = 4.0
@@ -54,7 +54,7 @@ class Lead(NamedTuple):
         backlash_rad: both flanks together; None where the lead does not jump. backlash_half_width_rad: of its 95 %
             interval.
         left_rad: what is left, shape (samples,).
-        predicted_rad: r.m.s. of what is left of stretches that were not in the fit.
+        teeth: what waves beyond the smooth map say about the other turn; None where slow turns or law have no place.
     """
 
     mean_rad: Floats
@@ -64,7 +64,7 @@ class Lead(NamedTuple):
     backlash_rad: float | None
     backlash_half_width_rad: float
     left_rad: Floats
-    predicted_rad: float
+    teeth: ToothWaves | None
 
     @property
     def order(self) -> int:
@@ -77,12 +77,6 @@ class Lead(NamedTuple):
         turned = harmonics_of(samples.act_rad, len(self.reversal_rad) // 2) @ self.reversal_rad
         flank = 0.5 * (self.backlash_rad or 0.0) * flank_of(mesh_nm, flank_nm)
         return np.asarray(mean + samples.direction * turned + flank)
-
-
-def waves_of(angle_rad: Floats, cycles: Sequence[float]) -> Floats:
-    """Columns sin(c x), cos(c x) for each c: shape (samples, 2 x cycles)."""
-    columns = [f(c * angle_rad) for c in cycles for f in (np.sin, np.cos)]
-    return np.stack(columns, axis=1) if columns else np.empty((len(angle_rad), 0))
 
 
 def harmonics_of(angle_rad: Floats, count: int) -> Floats:
@@ -125,20 +119,44 @@ def fit_lead(turns: Samples, mesh_nm: Floats, flank_nm: float, band: Band, expec
 def _fitted(
     turns: Samples, flank: Floats, band: Band, expected: Sequence[float], gaps: Sequence[bool]
 ) -> Lead:
-    orders = [order for order in _ORDERS[0] if order <= band.high]
+    orders = [order for order in _ORDERS if order <= band.high]
     problem = _Problem(turns, flank, orders[-1])
-    order, reversal, gap = _best(problem, orders, _REVERSAL_ORDERS, gaps)
-    if order == _ORDERS[0][-1]:
-        orders = [order, *(order for order in _ORDERS[1] if order <= band.high)]
-        problem = _Problem(turns, flank, orders[-1])
-        order, reversal, gap = _best(problem, orders, (reversal,), (gap,))
+    model = _best(problem, orders, _REVERSAL_ORDERS, gaps)
+    smooth = _fit_smooth(turns, problem, model, model[0], band, expected)
+    most = min(MAP_HARMONICS, int(band.high))
+    if most <= smooth.order:
+        return smooth
+    cycles = range(smooth.order + 1, most + 1)
+    teeth = tooth_waves(turns, smooth.left_rad, cycles)
+    if not teeth.come_again:
+        return smooth._replace(teeth=teeth)
+    # What were single waves below belongs to the map now.
+    smooth = _fit_smooth(turns, problem, model, most, band, expected)
+    teeth = tooth_waves(turns, smooth.left_rad, cycles)
+    return smooth._replace(
+        mean_rad=np.append(smooth.mean_rad, teeth.sines_rad),
+        left_rad=smooth.left_rad - waves_of(turns.act_rad, cycles) @ teeth.sines_rad,
+        teeth=teeth,
+    )
+
+
+def _fit_smooth(
+    turns: Samples,
+    problem: _Problem,
+    model: tuple[int, int, bool],
+    beyond: int,
+    band: Band,
+    expected: Sequence[float],
+) -> Lead:
+    """Maps of the orders of `model`, backlash, and single waves of more cycles than `beyond`."""
+    order, reversal, gap = model
     base = problem.chosen(order, reversal, gap)
 
     def left_of(cycles: Sequence[float]) -> Floats:
         columns = np.column_stack([base, waves_of(turns.act_rad, cycles)])
         return np.asarray(problem.wanted - columns @ _normal_solution(columns, problem.wanted))
 
-    shaken = Band(order + 0.5, _SHAKEN * band.high)
+    shaken = Band(beyond + 0.5, _SHAKEN * band.high)
     cycles = find_waves(turns.act_rad, left_of, shaken, [c for c in expected if c <= band.high])
     columns = np.column_stack([base, waves_of(turns.act_rad, cycles)])
     x = wave_solution(columns, problem.wanted, free=1)
@@ -154,14 +172,14 @@ def _fitted(
         gradient[second] = 1.0
         backlash, half_width = float(x[second]), estimate.half_width_of(gradient)
     return Lead(
-        x[:first],
-        x[first:second],
-        [wave for wave in waves if wave[0] <= band.high],
-        [wave for wave in waves if wave[0] > band.high],
-        backlash,
-        half_width,
-        left,
-        cross_validated(columns, problem.wanted, _prior(columns.shape[1], 1), turns.stretch),
+        mean_rad=x[:first],
+        reversal_rad=x[first:second],
+        waves=[wave for wave in waves if wave[0] <= band.high],
+        shaken=[wave for wave in waves if wave[0] > band.high],
+        backlash_rad=backlash,
+        backlash_half_width_rad=half_width,
+        left_rad=left,
+        teeth=None,
     )
 
 
@@ -212,6 +230,6 @@ def _best(
         if model[2] and problem.gap_of(model[0], model[1]) <= 0.0:
             continue
         error = problem.predicts(*model)
-        if error < _BETTER * least:
+        if error < BETTER * least:
             best, least = model, error
     return best

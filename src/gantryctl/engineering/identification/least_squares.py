@@ -9,6 +9,8 @@ import numpy as np
 
 from gantryctl.engineering.identification.samples import Floats
 
+# A model with more in it must predict better by this part: what it carries beside it is noise.
+BETTER: Final = 0.98
 # Groups of stretches that are left out of a fit in turn.
 _GROUPS: Final = 8
 
@@ -87,15 +89,6 @@ class StretchSums:
             + np.einsum("pi,pij,pj->p", without, squares, without)
         )
         return float(np.sqrt(max(0.0, float(left.sum())) / self._count))
-
-
-def cross_validated(columns: Floats, wanted: Floats, prior: Floats, stretch: Floats) -> float:
-    """R.m.s. of what a solution with a prior leaves of each stretch that was left out of its fit.
-
-    Args:
-        columns, wanted, prior: as of `solved`. stretch: piece of motion that each sample belongs to.
-    """
-    return StretchSums(columns, wanted, stretch).left_out(range(columns.shape[1]), prior)
 
 
 def _pieces(stretch: Floats) -> list[np.ndarray]:

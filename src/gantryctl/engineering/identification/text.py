@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 from gantryctl.engineering.identification.fit import CalibrationFit
 from gantryctl.engineering.identification.truth import LABELS, Comparison
+from gantryctl.engineering.identification.waves import ToothWaves
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.machine import NUMBERS, Calibration
 from gantryctl.machine.calibration import FAST_WAVES, MAP_HARMONICS
@@ -49,11 +50,23 @@ def lead_lines(found: CalibrationFit) -> list[str]:
         f"map of {lead.order} waves per turn of {MAP_HARMONICS} that the law carries, lost motion of "
         f"{len(lead.reversal_rad) // 2}; single waves per turn: {waves} ({len(fast)} of {FAST_WAVES})"
     ]
+    if lead.teeth is not None:
+        lines.append(_teeth_words(lead.teeth))
     if found.left_over:
         lines.append(
             f"warning: the law has no place for the waves {', '.join(f'{c:g}' for c in found.left_over)}"
         )
     return [*lines, f"{'warning: ' if found.validation.warned else ''}{found.validation.words}"]
+
+
+def _teeth_words(teeth: ToothWaves) -> str:
+    """Whether the map has waves of single teeth, and why."""
+    waves = f"waves {teeth.cycles[0]} to {teeth.cycles[-1]}"
+    part = f"{teeth.left_part:.3f} +- {teeth.half_width:.3f} (95 %)"
+    use = "they are in the map: teeth differ" if teeth.come_again else "they are not in the map"
+    return (
+        f"{waves} by the turn one way leave {part} of what the map leaves the other way without them: {use}"
+    )
 
 
 def unknown_lines(calibration: Calibration) -> list[str]:

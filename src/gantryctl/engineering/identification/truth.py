@@ -9,7 +9,7 @@ import numpy as np
 
 from gantryctl import _core
 from gantryctl.engineering.identification.experiment import experiment_of
-from gantryctl.engineering.identification.lead import waves_of
+from gantryctl.engineering.identification.waves import waves_of
 from gantryctl.machine import Calibration, Machine, Number
 from gantryctl.units import rad
 from gantryctl.wiring.simulator import drive_params, plant_params
@@ -110,11 +110,12 @@ def _maps(machine: Machine, p: _core.PlantParams, calibration: Calibration) -> t
     found = waves_of(at, range(1, len(gear) // 2 + 1)) @ gear
     for cycles, sine, cosine in calibration.maps.fast:
         found = found + waves_of(at, [cycles]) @ np.array([sine, cosine])
-    true = -np.array(
-        [_core.ring_error(p, x)[0] + _core.motor_error(p, p.ratio * x)[0] for x in at]
-        if p.gear_error
-        else 0.0 * at
-    )
+    true = np.zeros_like(at)
+    if p.gear_error:
+        true -= [_core.ring_error(p, x)[0] + _core.motor_error(p, p.ratio * x)[0] for x in at]
+    if p.tooth_pitch:
+        pitch = [_core.pitch_error(p, x, p.ratio * x) for x in at]
+        true -= [ring + pinion for ring, _, _, pinion, _, _ in pitch]
     return found - found.mean(), true - true.mean()
 
 

@@ -12,8 +12,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.identification.lead import Lead, waves_of
+from gantryctl.engineering.identification.lead import Lead
 from gantryctl.engineering.identification.samples import Floats, Samples
+from gantryctl.engineering.identification.waves import waves_of
 
 # Model that removes less than two thirds of the lead: refused, it is not worth following.
 _REFUSED_PART: Final = 1.0 / 3.0

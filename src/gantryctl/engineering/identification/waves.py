@@ -1,9 +1,16 @@
-"""Single waves of the gear that the recordings show, by a spectrum over the angle of what the fit leaves.
+"""Waves of the gear that the recordings show beyond a smooth map: single ones, and those of single teeth.
 
-A wave is found where the spectrum stands out of the noise around it, and the test counts how many waves were tried:
-of M independent ones the largest of pure noise exceeds z times the mean noise with probability M exp(-z)
-(Scargle, Astrophysical Journal 263, 1982). The noise is that of the neighbourhood, because what a fit leaves of gears
-is not white. Waves that the ratios and the machine file suggest are tried alone, so they need to stand out less.
+Single waves come from a spectrum over the angle of what the fit leaves. A wave is found where the spectrum stands out
+of the noise around it, and the test counts how many waves were tried: of M independent ones the largest of pure noise
+exceeds z times the mean noise with probability M exp(-z) (Scargle, Astrophysical Journal 263, 1982). The noise is that
+of the neighbourhood, because what a fit leaves of gears is not white. Waves that the ratios and the machine file
+suggest are tried alone, so they need to stand out less.
+
+Pitch errors of single teeth are a little of every wave, and none stands out. A tooth says nothing about its neighbour
+either, so stretches left out of a fit, which choose the order of a smooth map, cannot tell them. Another pass over the
+same teeth can: waves fitted to the turn one way must predict the turn the other way, and are used as far as they do.
+Waves that are fitted to a part of a turn run away where nothing was read, as in the last degrees of a travel. There the
+teeth are taken for perfect.
 """
 
 from __future__ import annotations
@@ -14,7 +21,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.identification.samples import Floats
+from gantryctl.engineering.identification.least_squares import BETTER
+from gantryctl.engineering.identification.samples import Floats, Samples
 
 # Chance that noise is taken for a wave.
 _FALSE_ALARM: Final = 1e-4
@@ -28,6 +36,8 @@ _FEWEST: Final = 8
 _SAME_TOP: Final = 6.0
 # More are no single waves.
 _MOST: Final = 24
+# Correlation of strangers, in standard deviations: the chance to be above is that of a false wave.
+_CHANCE: Final = 3.7
 
 
 class Band(NamedTuple):
@@ -154,3 +164,77 @@ def _refined(
         if abs(c - best) < 0.5 * seen.resolution and _power(angle_rad, left_rad, c) >= least:
             return c
     return best
+
+
+class ToothWaves(NamedTuple):
+    """What waves of one turn say about the other.
+
+    Attributes:
+        cycles: per turn. sines_rad: sine and cosine of each, by both turns, as far as they come again.
+        left_part: waves of one turn leave this part of what the smooth map leaves of the other turn (r.m.s.).
+        half_width: of its 95 % interval.
+        alike: correlation of the waves of both turns, in standard deviations of that of strangers.
+    """
+
+    cycles: range
+    sines_rad: Floats
+    left_part: float
+    half_width: float
+    alike: float
+
+    @property
+    def come_again(self) -> bool:
+        """They belong to the gears, or to what else stays at its angle."""
+        return self.left_part < BETTER and self.alike > _CHANCE
+
+
+def tooth_waves(turns: Samples, left_rad: Floats, cycles: range) -> ToothWaves:
+    """Predict each turn by the other.
+
+    Args:
+        left_rad: what the smooth map leaves. cycles: waves per turn beyond it.
+    """
+    columns = waves_of(turns.act_rad, cycles)
+    ways = [turns.direction == sign for sign in (1.0, -1.0)]
+    unread = [_unread(turns.act_rad[way], cycles) for way in ways]
+    squares = [columns[way].T @ columns[way] for way in ways]
+    sums = [columns[way].T @ left_rad[way] for way in ways]
+    one, other = (np.linalg.solve(a + b, c) for a, b, c in zip(squares, unread, sums, strict=True))
+    products = one * other
+    common = max(0.0, float(products.sum()))
+    rest = left_rad.copy()
+    for found, way in ((one, ways[1]), (other, ways[0])):
+        rest[way] -= common / float(found @ found) * (columns[way] @ found)
+    both = np.linalg.solve(squares[0] + squares[1] + _unread(turns.act_rad, cycles), sums[0] + sums[1])
+    # Of strangers each product has either sign, however large their slow waves are: a few waves prove nothing. Waves
+    # that a short travel cannot tell apart count once.
+    turn = min(1.0, float(np.ptp(turns.act_rad)) / (2.0 * math.pi))
+    alike = math.sqrt(turn) * float(products.sum() / np.linalg.norm(products))
+    share = min(1.0, common / float(both @ both))
+    return ToothWaves(cycles, share * both, *_part_of(rest, left_rad, turns.stretch), alike)
+
+
+def _unread(angle_rad: Floats, cycles: range) -> Floats:
+    """Squares of the columns over the rest of the turn, as densely as samples lie on the way that was read."""
+    low, way = float(angle_rad.min()), float(np.ptp(angle_rad))
+    count = max(0, round(len(angle_rad) * (2.0 * math.pi / way - 1.0)))
+    columns = waves_of(np.linspace(low + way, low + 2.0 * math.pi, count), cycles)
+    return np.asarray(columns.T @ columns)
+
+
+def _part_of(rest: Floats, whole: Floats, stretch: Floats) -> tuple[float, float]:
+    """Ratio of two r.m.s. with half of its 95 % interval, by what each stretch has of both (ratio estimator)."""
+    from scipy.stats import t
+
+    piece = np.unique(stretch, return_inverse=True)[1]
+    above, below = (np.bincount(piece, weights=values**2) for values in (rest, whole))
+    part, count = float(above.sum() / below.sum()), len(above)
+    off = above - part * below
+    deviation = math.sqrt(count / (count - 1) * float(off @ off)) / float(below.sum())
+    return math.sqrt(part), float(t.ppf(0.975, count - 1)) * deviation / (2.0 * math.sqrt(part))
+
+
+def waves_of(angle_rad: Floats, cycles: Sequence[float]) -> Floats:
+    """Columns sin(c x), cos(c x) for each c: shape (samples, 2 x cycles)."""
+    columns = [f(c * angle_rad) for c in cycles for f in (np.sin, np.cos)]
+    return np.stack(columns, axis=1) if columns else np.empty((len(angle_rad), 0))

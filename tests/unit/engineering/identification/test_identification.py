@@ -170,6 +170,7 @@ WITHOUT_ENCODER_DEG = {
     "backlash": (0.0169, {"plant.transmission.backlash_mm": 0.2}),
     "a wave in no list": (0.0135, {"plant.gear_error.pinion_teeth": 6, "plant.gear_error.mesh_um": 30.0}),
     "22 x 52": (0.0106, {"axis.reducer_ratio": 52.0, "axis.ring_ratio": 22.0}),
+    "single teeth": (0.0094, {"plant.switches.tooth_pitch": True, "plant.tooth_pitch.scale": 0.8}),
 }
 """A of the paper's loop by procedure A, on machines whose gear is in no list."""
 

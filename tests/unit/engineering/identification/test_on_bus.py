@@ -159,7 +159,7 @@ def test_a_late_instrument_is_found_out_and_its_delay_is_no_lost_motion() -> Non
     ]
     parts = joined(swings)
     balance = torque_balance(parts, MACHINE.axis.ratio, 0.362, 0.0).balance
-    none = Lead(np.zeros(33), np.zeros(25), [], [], None, math.inf, np.zeros(0), 0.0)
+    none = Lead(np.zeros(33), np.zeros(25), [], [], None, math.inf, np.zeros(0), None)
     _, delay_s = _fit_windup(parts, none, balance, 1000.0)
     # 8 % of the gear error of 80 deg looks like speed without a map: 0.002 of 3.5 deg/s
     assert delay_s == pytest.approx(0.1, abs=0.002)
