@@ -52,7 +52,7 @@ def gap_mm(machine: Machine, change_rad: float) -> float:
 
 @pytest.mark.parametrize("more_mm", [0.0, 0.15])
 def test_the_gap_is_found_by_some_moves_and_no_wider_one_is_believed(more_mm: float) -> None:
-    """The delivered calibration has 0.05 mm in its lost motion. In use is what is sure: three standard deviations less,
+    """The delivered calibration knows 0.05 mm. In use is what is sure: three standard deviations less,
     some 0.03 mm of the waves that no map has.
     """
     machine = followed()
