@@ -191,3 +191,15 @@ def test_frames_that_were_kept_are_told_once(memory: SharedMemory, tmp_path: Pat
         bench.writer.drain()
     bench.writer.close()
     assert len([line for line in bench.told if "the frames around an alarm are kept" in line]) == 1
+
+
+@pytest.mark.parametrize("torn", [b"", b"torn", b"\xff" * 32])
+def test_a_record_that_says_nothing_is_passed_over(memory: SharedMemory, tmp_path: Path, torn: bytes) -> None:
+    """One that was damaged on its way ends neither the log nor the recorder: the frame behind it is kept."""
+    made = Bench(memory, tmp_path, tmp_path / "bus.log")
+    frames = RingFrames(memory.frames)
+    take = frames.link("can0", virtual=False)
+    assert memory.frames.put(torn)
+    take(7.5, 0x181, b"\x01\x02", False)
+    made.writer.close()
+    assert [frame.can_id for frame in read_frames(tmp_path / "bus.log")] == [0x181]
