@@ -206,6 +206,16 @@ def test_torque_off_and_brake_are_confirmed_by_what_the_drive_shows_now(
     assert not any(output.brake_open for output in drive.wrote[-20:])
 
 
+@pytest.mark.parametrize(("brake_open", "scans"), [(False, 25), (True, 375)])
+def test_a_break_off_looks_for_100_ms_of_rest_and_for_1_5_s_at_the_most(brake_open: bool, scans: int) -> None:
+    drive, axis = enabled()
+    drive.spoil = lambda seen: seen._replace(brake_open=brake_open)
+    drive.wrote.clear()
+    axis.break_off()
+    # Once before the first scan.
+    assert len(drive.wrote) == 1 + scans
+
+
 def test_a_silence_ends_before_torque_off_is_commanded() -> None:
     """A drive that is silenced sends nothing, also no SAFE_OUTPUT."""
     drive, axis = enabled()
