@@ -5,12 +5,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 import pytest
 
+import gantryctl
 from support.coverage_fuzz.packages import PACKAGES
+from support.coverage_fuzz.plain_loaders import PlainLoaders
 from support.coverage_fuzz.run import CORPUS, TooMuch, TooSlow, judge
 from support.coverage_fuzz.targets import TARGETS, Target, frames_of, patched
 
@@ -32,6 +36,21 @@ def test_only_its_own_error_leaves_a_door(name: str) -> None:
             judge(target, path.read_bytes())
         except Exception as fault:
             raise AssertionError(f"{name}/{path.name}: {type(fault).__name__}: {fault}") from fault
+
+
+def loader_of(name: str) -> type:
+    """What would load a module of gantryctl now, were it not loaded yet."""
+    specs = (finder.find_spec(f"gantryctl.{name}", gantryctl.__path__) for finder in sys.meta_path)
+    return type(next(spec for spec in specs if spec is not None).loader)
+
+
+def test_what_counts_branches_can_load_the_packages_of_a_door_itself() -> None:
+    """atheris counts nothing behind the loaders of an editable install."""
+    as_installed = loader_of("trace")
+    with PlainLoaders(["gantryctl.runtime"]):
+        assert loader_of("runtime") is SourceFileLoader
+        assert loader_of("trace") is as_installed
+    assert loader_of("runtime") is as_installed
 
 
 def test_each_target_has_packages_and_the_corpus_stays_small() -> None:

@@ -92,7 +92,7 @@ def fuzz(name: str, seconds: float, seed: int, *, keep: bool) -> dict[str, objec
         (work / "last.txt").write_text(text)
         figures = _DONE.findall(text)
         if not figures:
-            raise SystemExit(f"{name}: atheris did not run:\n{text[-3000:]}")
+            raise SystemExit(f"{name}: atheris did not run, or counted no branch:\n{text[-3000:]}")
         executed += max(int(each[0]) for each in figures)
         cov, ft, corp = (max(int(each[k]) for each in figures) for k in (1, 2, 3))
         if "DONE" in text and "ERROR: libFuzzer" not in text:

@@ -7,9 +7,11 @@ import sys
 import atheris
 
 from support.coverage_fuzz.packages import PACKAGES
+from support.coverage_fuzz.plain_loaders import PlainLoaders
 
 # Compiled parsers (pydantic, Arrow, SQLite) are not seen.
-with atheris.instrument_imports(include=list(PACKAGES[sys.argv[1]])):
+_DOOR = PACKAGES[sys.argv[1]]
+with PlainLoaders(_DOOR), atheris.instrument_imports(include=list(_DOOR)):
     from support.coverage_fuzz.run import CPU_MAX_S, judge
     from support.coverage_fuzz.targets import TARGETS
 
