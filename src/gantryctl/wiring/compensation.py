@@ -195,21 +195,26 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
         for name in names
         if name in calibration.unknown
     ]
-    if lines:
-        raise ConfigError(lines)
     stiffness, swing_hz, ratio = found.stiffness_nm_per_rad, found.swing_hz, machine.axis.ratio
     inertia, motor = found.inertia_kg_m2 or 0.0, found.motor_inertia_kg_m2 or machine.motor.inertia_kg_m2
     friction, period_s = found.friction_nm or 0.0, machine.control.scan_period_ms * _MS
     swing_rad_s = 2.0 * math.pi * (swing_hz or 0.0)
     observes = config.backlash_observer.active
+    load_kg_m2, behind_nm = max(0.0, inertia - ratio * ratio * motor), calibration.friction_behind_mesh_nm
+    if observes and not (friction > 0.0 and behind_nm > 0.0 and load_kg_m2 > 0.0):
+        lines.append(
+            f"{machine.name}: [control.compensation] backlash_observer.active lives on friction and a load behind the "
+            f"gears, all above 0, but the calibration has {friction:g} N m of friction, {behind_nm:g} N m of it behind "
+            f"the mesh, and a load of {load_kg_m2:g} kg m2: identify again, or switch backlash_observer.active off"
+        )
+    if lines:
+        raise ConfigError(lines)
     return {
         "moment_sine_nm": found.moment_sine_nm or 0.0,
         "moment_cosine_nm": found.moment_cosine_nm or 0.0,
         "inertia_kg_m2": inertia,
-        "inertia_load_kg_m2": max(0.0, inertia - ratio * ratio * motor),
-        "friction_load_nm": calibration.friction_behind_mesh_nm
-        if observes
-        else found.friction_load_nm or 0.0,
+        "inertia_load_kg_m2": load_kg_m2,
+        "friction_load_nm": behind_nm if observes else found.friction_load_nm or 0.0,
         "flank_friction_share": _RESTING_SHARE if observes and config.load_encoder.active else 1.0,
         "backlash_rad": found.backlash_rad or 0.0,
         "compliance_rad_per_nm": 1.0 / stiffness if stiffness else 0.0,

@@ -212,6 +212,17 @@ def test_an_observer_of_the_backlash_is_refused_without_the_windup() -> None:
         _identified(FOLLOWING, lacking)
 
 
+@pytest.mark.parametrize(
+    ("number", "value"), [("friction_load_nm", -291.0), ("friction_nm", 0.0), ("inertia_kg_m2", 1.0)]
+)
+def test_an_observer_of_the_backlash_is_refused_without_friction_and_a_load(
+    number: str, value: float
+) -> None:
+    """It computes where the load lies: from a calibration by hand or of an odd machine it gets an answer, no crash."""
+    with pytest.raises(ConfigError, match=r"backlash_observer\.active lives on friction and a load"):
+        compensation(FOLLOWING.calibrated(calibration(**{number: value})))
+
+
 def test_the_flank_changes_at_a_part_of_the_rated_torque() -> None:
     """0.0034 x 257 N m x 1144."""
     assert flank_torque_nm(improved_machine()) == approx(999.6272)

@@ -360,7 +360,10 @@ def _numbers(
         unknown["backlash_rad"] = Unknown.NO_GAP
     else:
         values["backlash_rad"] = (lead.backlash_rad, lead.backlash_half_width_rad)
-    values["friction_load_nm"] = (balance.friction_load_side_nm, half["friction_load_side_nm"])
+    if balance.friction_load_side_nm > 0.0:
+        values["friction_load_nm"] = (balance.friction_load_side_nm, half["friction_load_side_nm"])
+    else:  # Under a small moment it is not told from the motor's; what drives the load is no friction.
+        unknown["friction_load_nm"] = Unknown.TOO_WIDE
     known_within = {**_KNOWN_WITHIN, "friction_nm": max(_SAFE_FLANKS * flank_nm, values["friction_nm"][0])}
     for name, (value, half_width) in list(values.items()):
         if not half_width < known_within.get(name, value):

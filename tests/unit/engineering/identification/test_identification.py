@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from gantryctl.engineering.identification import (
     fit,
     record,
 )
-from gantryctl.engineering.identification.samples import joined
+from gantryctl.engineering.identification.samples import Samples, joined
 from gantryctl.engineering.identification.torque_balance import TorqueBalance
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, Unknown, calibration_toml, with_values
@@ -212,6 +213,27 @@ def test_the_torque_balance_has_come_to_its_least_squares(found: CalibrationFit)
     for name in ("moment_sine_nm", "friction_load_side_nm", "friction_motor_side_nm", "friction_load_ratio"):
         for part in (0.999, 1.001):
             assert left_nm(found.balance._replace(**{name: part * getattr(found.balance, name)})) > least
+
+
+def test_friction_that_drives_the_load_is_no_friction(found: CalibrationFit) -> None:
+    """So the torques of a sound machine with a moment of 1 kN m came out (-291 N m), and flanks were planned by it."""
+    driven = found.balance._replace(friction_load_side_nm=-300.0)
+
+    def with_it(samples: Samples) -> Samples:
+        more_nm = driven.torque_nm(samples) - found.balance.torque_nm(samples)
+        return replace(samples, torque_nm=samples.torque_nm + more_nm / improved_machine().axis.ratio)
+
+    recording = found.recording
+    again = fit(
+        improved_machine(),
+        replace(recording, turns=with_it(recording.turns), swings=with_it(recording.swings)),
+    )
+    assert again.balance.friction_load_side_nm < 0.0
+    assert again.unknown["friction_load_nm"] is Unknown.TOO_WIDE
+    assert again.identified.friction_load_nm is None
+    assert again.identified.friction_nm == pytest.approx(
+        found.balance.friction_motor_side_nm - 300.0, rel=0.01
+    )
 
 
 def test_the_fit_says_how_well_it_fits(found: CalibrationFit) -> None:
