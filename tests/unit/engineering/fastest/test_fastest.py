@@ -100,8 +100,8 @@ def test_wrong_questions_are_refused(given: tuple[str, ...], says: str) -> None:
 
 
 def test_the_delivered_machine_is_quick_true_and_calm_at_once() -> None:
-    """At the base motion of the paper's loop, both ways: the limits of issue 16. Measured 22.87 s, 0.0100 deg/s and 2.6 um
-    with ramps of one period of the first mode.
+    """At the base motion of the paper's loop, both ways. Measured 22.87 s, 0.0100 deg/s and 2.6 um with ramps of one
+    period of the first mode.
     """
     ((found,),) = fastest_moves(improved_machine(), MOVE_DEG, [Limits(base_um=165.0)], [0.494])
     assert found.binding == "base"
