@@ -42,6 +42,7 @@ WITHOUT_ENCODER: Final = "without the load encoder"
 FOLLOWED: Final = "moment followed"
 BOTH_FOLLOWED: Final = "moment and backlash followed"
 GENTLE: Final = "gentle end"
+NOT_GENTLE: Final = "without a gentle end"
 _HIGH: Final = 0.95
 _OWN: Final = "own"
 
@@ -195,8 +196,9 @@ def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
     ):
         followed = backlash_followed(moment_followed(bare))
         shown.append(Variant(f"{begin}{BOTH_FOLLOWED}", followed))
-        if not improved.virtual_axis.gentle_end:
-            shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {GENTLE}", ending_gently(followed)))
+        gentle = improved.virtual_axis.gentle_end
+        other = ending_gently(followed, gently=not gentle)
+        shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {NOT_GENTLE if gentle else GENTLE}", other))
     if (
         encoder
         and may_follow_backlash(improved)

@@ -45,7 +45,7 @@ def notes(report: DriftReport) -> list[str]:
     return [
         *below,
         f"{report.second} and its rows know {report.calibration}; nothing is identified after a change.",
-        "Before each run every axis moves to both ends of the chord test and back.",
+        "Before each run every axis moves to both ends of the chord test and back, and stops at its middle base.",
         f"Rows of {report.drift.name}: {rows}.",
         f"A, deg: largest X + 3 S minus smallest X - 3 S of the true angles of the chord test. The short move goes "
         f"from {report.dial.span(*report.short_deg)} deg.",

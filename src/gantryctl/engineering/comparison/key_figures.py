@@ -143,7 +143,7 @@ def measure_key_figures(
     """Run everything on every machine; its seed draws the tracker's noise.
 
     Args:
-        warm_up: every axis moves through the chord test and back before each run.
+        warm_up: every axis first moves as `warm_up_legs` say.
     """
     chords = (chord_tests(machines, name, seeds, warm_up=warm_up) for name in "AB")
     moves = (

@@ -73,9 +73,9 @@ def backlash_followed(machine: Machine, *, followed: bool = True) -> Machine:
     return with_values(machine, {_AT + "backlash_observer.active": followed})
 
 
-def ending_gently(machine: Machine) -> Machine:
-    """The machine with a gentle end of its moves."""
-    return with_values(machine, {"virtual_axis.gentle_end": True})
+def ending_gently(machine: Machine, *, gently: bool = True) -> Machine:
+    """The machine with a gentle end of its moves, or without one."""
+    return with_values(machine, {"virtual_axis.gentle_end": gently})
 
 
 def may_follow_backlash(machine: Machine) -> bool:

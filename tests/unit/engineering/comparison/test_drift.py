@@ -142,6 +142,7 @@ def test_every_control_has_the_figures_of_its_plant_with_the_calibration_of_the_
         "without the load encoder",
         "without the load encoder, moment followed",
         "without the load encoder, moment and backlash followed",
+        "without the load encoder, moment and backlash followed, without a gentle end",
         "hust_improved, moment and backlash followed",
         "hust_improved",
     )
@@ -155,12 +156,16 @@ def test_every_control_has_the_figures_of_its_plant_with_the_calibration_of_the_
     assert gap > 2.0 * unchanged
 
 
-def test_a_machine_without_a_gentle_end_is_shown_with_one_as_well() -> None:
-    hard = with_values(improved_machine(), {"virtual_axis.gentle_end": False})
-    added = {control.name for control in controls_of(default_machine(), hard)} - {
-        control.name for control in controls_of(default_machine(), improved_machine())
-    }
-    assert added == {"without the load encoder, moment and backlash followed, gentle end"}
+def test_a_machine_is_shown_with_the_other_end_of_its_moves_as_well() -> None:
+    followed = "without the load encoder, moment and backlash followed"
+    for gentle, other in ((False, f"{followed}, gentle end"), (True, f"{followed}, without a gentle end")):
+        machine = with_values(improved_machine(), {"virtual_axis.gentle_end": gentle})
+        ends = {
+            control.name: control.machine.virtual_axis.gentle_end
+            for control in controls_of(default_machine(), machine)
+        }
+        assert ends[followed] is gentle
+        assert ends[other] is not gentle
 
 
 def test_spreads_are_over_the_rows_that_change_something(report: DriftReport) -> None:

@@ -85,14 +85,17 @@ def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None 
 
 
 def warm_up_legs(machine: Machine, procedure: Procedure, start_rad: float) -> list[Leg]:
-    """To both ends of a procedure and back to where the axis stands, as ISO 230-2 asks for before a test.
+    """To both ends of a procedure and back, with a stop at its middle base each way: ISO 230-2 asks for a warm-up.
 
-    A law that learns has learned then, and friction and gears are as moving has left them.
+    A law that learns has learned then, and friction and gears are as moving has left them. A large moment keeps the
+    gears on one flank away from its zero, and a gap that no ramp crosses is in no signal: hence the stops between.
     """
     period_s, limits = machine.control.scan_period_ms * 1e-3, motion_limits(machine)
     pos, legs = start_rad, [Leg(hold(start_rad), REST_S, period_s)]
+    low, high = map(rad, procedure.travel_deg)
+    middle = rad(sorted(procedure.bases_deg)[len(procedure.bases_deg) // 2])
     # The start is come to in the direction of positive angles, in which the short and the long move go on.
-    for to in (*map(rad, reversed(procedure.travel_deg)), start_rad):
+    for to in (high, middle, low, middle, start_rad):
         if to != pos:
             plan = plan_move(SetPoint(pos, 0.0, 0.0), to, limits)
             legs.append(Leg(plan, plan.duration + period_s + REST_S, period_s))
