@@ -10,7 +10,7 @@ import pytest
 
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
 from gantryctl.engineering.comparison.key_figures import chord_tests
-from gantryctl.engineering.comparison.variants import without_load_encoder
+from gantryctl.engineering.comparison.variants import ending_gently, without_load_encoder
 from gantryctl.engineering.identification import (
     CalibrationFit,
     LoadInstrument,
@@ -185,7 +185,8 @@ def test_machines_that_no_list_knows_are_better_than_a_third_of_the_papers_loop(
     paper_deg, changes = WITHOUT_ENCODER_DEG[name]
     machine = with_values(improved_machine(), changes)
     own = without_load_encoder(machine.calibrated(calibrate(SimulatedAxis(machine))))
-    (found,) = chord_tests([own], "A", [0])
+    # A gentle end belongs to the encoder on the ring: by the motor alone it leaves 0.0058 deg with a gap of 0.2 mm.
+    (found,) = chord_tests([ending_gently(own, gently=False)], "A", [0])
     assert found.a_true_deg < paper_deg / 3.0
 
 
