@@ -201,6 +201,12 @@ def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
         shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {NOT_GENTLE if gentle else GENTLE}", other))
     if (
         encoder
+        and may_follow_moment(improved)
+        and not improved.control.compensation.moment_observer.active
+    ):
+        shown.append(Variant(f"{improved.name}, {FOLLOWED}", moment_followed(improved)))
+    if (
+        encoder
         and may_follow_backlash(improved)
         and not improved.control.compensation.backlash_observer.active
     ):

@@ -143,6 +143,7 @@ def test_every_control_has_the_figures_of_its_plant_with_the_calibration_of_the_
         "without the load encoder, moment followed",
         "without the load encoder, moment and backlash followed",
         "without the load encoder, moment and backlash followed, without a gentle end",
+        "hust_improved, moment followed",
         "hust_improved, moment and backlash followed",
         "hust_improved",
     )
