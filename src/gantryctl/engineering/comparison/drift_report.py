@@ -199,11 +199,7 @@ def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
         gentle = improved.virtual_axis.gentle_end
         other = ending_gently(followed, gently=not gentle)
         shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {NOT_GENTLE if gentle else GENTLE}", other))
-    if (
-        encoder
-        and may_follow_moment(improved)
-        and not improved.control.compensation.moment_observer.active
-    ):
+    if encoder and may_follow_moment(improved) and not improved.control.compensation.moment_observer.active:
         shown.append(Variant(f"{improved.name}, {FOLLOWED}", moment_followed(improved)))
     if (
         encoder
