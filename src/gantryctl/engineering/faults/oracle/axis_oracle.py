@@ -116,7 +116,7 @@ class AxisOracle:
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._held: HeldUp | None = None
-        self._disobeys = self._brake_fault = self._creeps = False
+        self._disobeys = self._brake_fault = self._creeps = self._pulls_away = False
         self._late_s = self.brake_late_s = self.reading_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
@@ -195,6 +195,7 @@ class AxisOracle:
         self._late_s = max(self._late_s, late_s)
         onset = self._onset
         self._disobeys = self._disobeys or (feedback and not at_once)
+        self._pulls_away = self._pulls_away or feedback or brake
         self._brake_fault = self._brake_fault or brake
         old = onset is None or self.ms - onset.ms > _CAUSE_MS
         if at_once and (old or (feedback and not self._onset_of_feedback)):
@@ -326,7 +327,7 @@ class AxisOracle:
             # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
             # that is judged by INV-1.
             return
-        if self._brings_back(vel):
+        if self._pulls_away and self._brings_back(vel):
             return
         if not asked.held(now, vel):
             self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
