@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,8 +23,7 @@ from gantryctl.wiring.program import motion_limits, position_law
 from gantryctl.wiring.simulator import gantry_sim
 from support.improved import improved_machine
 
-README = Path(__file__).parents[2] / "README.md"
-# Issue 16.
+# What is asked of the delivered machine.
 A_WITH_ENCODER_DEG = 0.001
 A_WITHOUT_ENCODER_DEG = 0.002
 A_SEEN_DEG = 0.003
