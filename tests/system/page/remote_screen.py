@@ -16,7 +16,7 @@ from pathlib import Path
 
 from playwright.sync_api import BrowserContext, Error, Page, Playwright, expect, sync_playwright
 
-from support.browser import CHROMIUM, FLAGS, SIZE
+from support.browser import CHROMIUM, FLAGS, SIZE, take_control
 from support.service_process import PASSWORD, RELEASED, Service, add_users
 
 HOST, NAME = "198.51.100.7", "gantry.example"
@@ -83,7 +83,7 @@ def choose_speed(page: Page, rpm: str) -> None:
 def fast_and_slow(page: Page) -> dict[str, object]:
     """Above the cap nothing is offered; below it the axis moves."""
     page.locator("#tab-operation").click()
-    page.get_by_role("button", name="Take control").click()
+    take_control(page)
     page.get_by_role("button", name="Power on").click()
     page.get_by_text("Power: on").wait_for()
     page.get_by_role("button", name="continuous", exact=True).click()

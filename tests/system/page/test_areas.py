@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, e
 
 from gantryctl.gateway.access import COOKIE
 from gantryctl.service.clients.link import console_link
-from support.browser import SIZE, address, enter, person_key, ready_to_jog
+from support.browser import SIZE, address, enter, person_key, ready_to_jog, take_control
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher
 
@@ -172,7 +172,7 @@ def test_a_move_that_cannot_be_is_not_offered(page: Page) -> None:
 
 def test_settings_are_shown_changed_and_held_to_their_limits(page: Page, watcher: Watcher) -> None:
     page.keyboard.press("3")
-    page.get_by_role("button", name="Take control").click()
+    take_control(page)
     speed = page.locator("form.setting").filter(has=page.locator("#speed_setting_deg_s"))
     speed.get_by_role("textbox").fill("0.15")
     speed.get_by_role("button", name="Set").click()
@@ -187,7 +187,7 @@ def test_settings_are_shown_changed_and_held_to_their_limits(page: Page, watcher
 
 
 def test_alarms_first_out_acknowledge_and_reset(page: Page, watcher: Watcher) -> None:
-    page.get_by_role("button", name="Take control").click()
+    take_control(page)
     page.get_by_role("button", name="Quick stop").click()
     expect(page.get_by_test_id("alarm")).to_contain_text("INT-06")
     expect(page.locator(".overview .alarm [data-tag=axis_state]")).to_have_text("Error stop")

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 from gantryctl.machine import configs_folder
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import Users
-from support.browser import SIZE, enter
+from support.browser import SIZE, enter, take_control
 from support.service_process import PASSWORD, Service, add_users
 from support.service_process import Page as Watcher
 
@@ -22,8 +22,7 @@ TEST_MS = 30_000
 
 def ready(page: Page, watcher: Watcher) -> None:
     """In control with the power off."""
-    page.get_by_role("button", name="Take control").click()
-    page.get_by_role("button", name="Give back").wait_for()
+    take_control(page)
     page.get_by_role("button", name="Power off").click()
     watcher.until(lambda tags: tags["power_phase"] == "off" and tags["authority_user"] != "")
 

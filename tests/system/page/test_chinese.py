@@ -13,7 +13,7 @@ from gantryctl.program import ALARMS
 from gantryctl.program.alarms.codes import Definition
 from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Words
-from support.browser import add_cookie, address
+from support.browser import add_cookie, address, take_control
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
@@ -109,8 +109,9 @@ def test_a_stop_and_a_refusal_are_told_in_chinese(
     context: BrowserContext, page_service: Service, watcher: Watcher
 ) -> None:
     page = in_chinese(context, page_service, "operation")
-    page.get_by_role("button", name="取得控制权").click()
-    page.get_by_role("button", name="上电").click()
+    take_control(page, "取得控制权", "交还")
+    if not watcher.look()["power"]:
+        page.get_by_role("button", name="上电").click()
     watcher.until(lambda tags: bool(tags["power"]))
     page.locator("#tab-alarms").click()
     page.get_by_role("button", name="快速停止").click()

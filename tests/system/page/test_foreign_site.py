@@ -15,7 +15,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from gantryctl.service.recorder.journal.reading import read_journal
-from support.browser import FOREIGN, address, enter
+from support.browser import FOREIGN, address, enter, take_control
 from support.service_process import PASSWORD, Service
 from support.service_process import Page as Watcher
 
@@ -46,8 +46,7 @@ def foreign(
 ) -> Page:
     """The operator's page is open, with control; beside it the foreign one."""
     own = enter(context, page_service, "operator")
-    own.get_by_role("button", name="Take control").click()
-    own.get_by_role("button", name="Give back").wait_for()
+    take_control(own)
     page = context.new_page()
     page.goto(f"http://{request.param}:{site}/")
     return page

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from support.browser import enter, ready_to_jog
+from support.browser import enter, ready_to_jog, take_control
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
@@ -138,7 +138,7 @@ def test_an_alarm_fires_and_its_code_stands_in_the_picture(
     context: BrowserContext, page_service: Service, watcher: Watcher, tmp_path: Path
 ) -> None:
     page = enter(context, page_service, "service", "scope")
-    page.get_by_role("button", name="Take control").click()
+    take_control(page)
     page.get_by_role("button", name="normal").click()
     page.get_by_label("Length").select_option("0.5 s")
     page.get_by_label("Trigger", exact=True).select_option("any new alarm")

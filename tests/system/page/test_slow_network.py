@@ -10,11 +10,24 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, expect
 
-from support.browser import SIZE, Proxy, enter, farthest_deg, look_on, press, ready_to_jog, until_moving
+from support.browser import (
+    SIZE,
+    Proxy,
+    enter,
+    farthest_deg,
+    look_on,
+    press,
+    ready_to_jog,
+    take_control,
+    until_moving,
+)
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
-READY_TO_JOG = {"en-GB": ("Take control", "Power on", "continuous"), "zh-CN": ("取得控制权", "上电", "连续")}
+READY_TO_JOG = {
+    "en-GB": ("Take control", "Give back", "Power on", "continuous"),
+    "zh-CN": ("取得控制权", "交还", "上电", "连续"),
+}
 TOO_SLOW = {
     "en-GB": "limit 150 ms for a held key: use a nearer screen",
     "zh-CN": "按住运行的限值为 150 ms：请使用更近的屏幕",
@@ -51,12 +64,11 @@ def test_with_40_ms_there_and_back_a_key_moves_and_stops(
 def test_with_200_ms_a_press_is_refused_and_the_page_says_why_and_what_to_do(
     language: str, browser: Browser, page_service: Service, watcher: Watcher, slow: Proxy
 ) -> None:
-    take, power, continuous = READY_TO_JOG[language]
+    take, give, power, continuous = READY_TO_JOG[language]
     slow.lag_s = 0.100
     with browser.new_context(viewport=SIZE, locale=language) as context:
         page = enter(context, page_service, "operator", frozen=True)
-        page.get_by_role("button", name=take).click()
-        watcher.until(lambda tags: tags["authority_user"] == "operator")
+        take_control(page, take, give)
         if not watcher.tags["power"]:
             page.get_by_role("button", name=power).click()
             watcher.until(lambda tags: tags["power"])
