@@ -48,7 +48,6 @@ def calibration_watch(machine: Machine, calibration: Calibration) -> Calibration
     friction_interval = (
         half["friction_nm"] + half["friction_nm_s_per_rad"] * fastest + per_load * moment * 2.0 / math.pi
     )
-    observer = machine.control.compensation.moment_observer
     windup = found.windup_per_acc_s2 or 0.0
     motor = found.motor_inertia_kg_m2 or machine.motor.inertia_kg_m2
     flank = max(0.0, _FLANK_KNOWN_SHARE * friction)
@@ -67,9 +66,7 @@ def calibration_watch(machine: Machine, calibration: Calibration) -> Calibration
         torque_spread_nm=machine.motor.torque_rated_nm * ratio,
         residual_nm=_RESIDUAL_SHARE * friction,
         speed_min_rad_s=_SPEED_SHARE * rad(machine.speed.setting_min_deg_s),
-        moment_bound_nm=max(
-            _INTERVALS * interval_nm, config.moment_nm, observer.limit_nm if observer.active else 0.0
-        ),
+        moment_bound_nm=max(_INTERVALS * interval_nm, config.moment_nm),
         friction_bound_nm=max(
             _INTERVALS * friction_interval, config.friction_ratio * (friction + (viscous or 0.0) * fastest)
         ),
@@ -112,13 +109,10 @@ def _gap_bounds(machine: Machine, calibration: Calibration) -> dict[str, float]:
         return {}
     most = 2.0 * abs(calibration.maps.reversal_rad[0])
     known, least = found.backlash_rad, rad(config.backlash_deg)
-    observer = machine.control.compensation.backlash_observer
-    # As with the moment: what a person lets the laws follow is no fault.
-    followed = rad(observer.limit_deg) - calibration.backlash_held_rad if observer.active else 0.0
     change = _INTERVALS * (most if known is None else calibration.half_width["backlash_rad"])
     return {
         "backlash_bound_rad": max(most, least) if known is None else known + max(change, least),
-        "lost_motion_bound_rad": max(change, rad(config.lost_motion_deg), followed),
+        "lost_motion_bound_rad": max(change, rad(config.lost_motion_deg)),
     }
 
 

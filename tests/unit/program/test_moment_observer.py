@@ -80,11 +80,12 @@ def test_a_drive_that_does_not_report_its_torque_is_refused(monkeypatch: pytest.
 
 
 def test_without_the_observer_nothing_is_watched() -> None:
-    rig = moved(improved_machine(), 30e3, way_deg=2.0)
+    machine = with_values(improved_machine(), {"control.compensation.moment_observer.active": False})
+    rig = moved(machine, 30e3, way_deg=2.0)
     load_side = rig.program.axis.load_side
     assert load_side is not None
     assert load_side.moment_change_nm == 0.0
     assert Code.CTL_19 not in rig.program.axis.alarms.active
-    settings = compensation_settings(improved_machine())
+    settings = compensation_settings(machine)
     assert settings is not None
     assert settings.moment_limit_nm == float("inf")

@@ -39,6 +39,7 @@ from gantryctl.wiring.compensation import check_calibration
 
 UNCHANGED: Final = "as identified"
 WITHOUT_ENCODER: Final = "without the load encoder"
+NOTHING_FOLLOWED: Final = "nothing followed"
 FOLLOWED: Final = "moment followed"
 BOTH_FOLLOWED: Final = "moment and backlash followed"
 GENTLE: Final = "gentle end"
@@ -180,36 +181,32 @@ def drift_report(
 
 
 def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
-    """The ways of control that are compared: an observer has a row where a person has set its limit."""
+    """The ways of control that are compared; the second machine as it is comes last."""
     if paper.name == improved.name:
         raise UsageError(
             f"{paper.name} twice: a drift compares two ways of control, so name two machine files"
         )
-    shown, encoder = [Variant(paper.name, paper)], improved.control.compensation.load_encoder.active
-    bare, begin = without_load_encoder(improved), f"{WITHOUT_ENCODER}, " if encoder else ""
-    if encoder:
-        shown.append(Variant(WITHOUT_ENCODER, moment_followed(bare, followed=False)))
-    if may_follow_moment(improved) and (encoder or not improved.control.compensation.moment_observer.active):
-        shown.append(Variant(f"{begin}{FOLLOWED}", moment_followed(bare)))
-    if may_follow_backlash(improved) and (
-        encoder or not improved.control.compensation.backlash_observer.active
-    ):
-        followed = backlash_followed(moment_followed(bare))
-        shown.append(Variant(f"{begin}{BOTH_FOLLOWED}", followed))
-        gentle = improved.virtual_axis.gentle_end
-        other = ending_gently(followed, gently=not gentle)
-        shown.append(Variant(f"{begin}{BOTH_FOLLOWED}, {NOT_GENTLE if gentle else GENTLE}", other))
-    if encoder and may_follow_moment(improved) and not improved.control.compensation.moment_observer.active:
-        shown.append(Variant(f"{improved.name}, {FOLLOWED}", moment_followed(improved)))
-    if (
-        encoder
-        and may_follow_backlash(improved)
-        and not improved.control.compensation.backlash_observer.active
-    ):
-        shown.append(
-            Variant(f"{improved.name}, {BOTH_FOLLOWED}", backlash_followed(moment_followed(improved)))
-        )
-    return (*shown, Variant(improved.name, improved))
+    bare = ()
+    if improved.control.compensation.load_encoder.active:
+        bare = _ways(without_load_encoder(improved), WITHOUT_ENCODER)
+    others = (way for way in _ways(improved, improved.name) if way.machine != improved)
+    return Variant(paper.name, paper), *bare, *others, Variant(improved.name, improved)
+
+
+def _ways(machine: Machine, name: str) -> tuple[Variant, ...]:
+    """What a machine may follow within a person's limits; by its motor alone also with the other end of moves."""
+    if not may_follow_moment(machine):
+        return (Variant(name, machine),)
+    nothing = Variant(f"{name}, {NOTHING_FOLLOWED}", moment_followed(machine, followed=False))
+    moment = Variant(f"{name}, {FOLLOWED}", moment_followed(machine))
+    if not may_follow_backlash(machine):
+        return nothing, moment
+    both = Variant(f"{name}, {BOTH_FOLLOWED}", backlash_followed(moment.machine))
+    if machine.control.compensation.load_encoder.active:
+        return nothing, moment, both
+    gentle = machine.virtual_axis.gentle_end
+    other = ending_gently(both.machine, gently=not gentle)
+    return nothing, moment, both, Variant(f"{both.name}, {NOT_GENTLE if gentle else GENTLE}", other)
 
 
 def runs_of(paper: Machine, improved: Machine, drift: Drift) -> int:

@@ -16,6 +16,7 @@ _ALONE: Final = (
     ("torque of the acceleration", ("torque.acceleration",)),
     ("gear map", ("gear_map.active",)),
     ("wind-up", ("windup.active",)),
+    ("wind-up, moment followed", ("windup.active", "moment_observer.active")),
     ("lost motion", ("windup.reversal",)),
     ("load encoder", ("load_encoder.active",)),
     ("load encoder, own errors out", ("load_encoder.active", "load_encoder.own_errors")),

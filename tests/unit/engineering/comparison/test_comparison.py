@@ -103,7 +103,7 @@ def test_every_compensation_has_a_row_with_it_alone() -> None:
     names = [row.name for row in rows]
     assert names[0] == "hust_gantry, as it is"
     assert names[-1] == "hust_improved, as it is"
-    assert sum(name.endswith("alone") for name in names) == 10  # the profile, and nine compensations
+    assert sum(name.endswith("alone") for name in names) == 11  # the profile, and ten compensations
     assert rows[1].machine.control.compensation.any_active is False
     gear = rows[names.index("gear map alone")].machine.control.compensation
     assert gear.gear_map.active

@@ -87,7 +87,10 @@ def test_the_lean_of_the_base_under_another_moment_is_taken_off_the_ring() -> No
     reversed_nm = {"plant.load.eccentric_sign": 1.0}
     places = (110.0, -110.0, 90.0)
     errors = {}
-    for name, machine in (("calibrated", improved_machine()), ("followed", followed())):
+    for name, machine in (
+        ("calibrated", moment_followed(improved_machine(), followed=False)),
+        ("followed", followed()),
+    ):
         _, rests = moved(with_values(machine, reversed_nm), *places)
         errors[name] = abs(math.degrees(float(np.mean(rests[-1]["pos_load_rad"][-1000:])) - rad(90.0)))
     assert errors["calibrated"] == pytest.approx(0.0016, abs=0.0003)
