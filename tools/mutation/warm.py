@@ -57,6 +57,8 @@ class WarmTests:
         finally:
             os.dup2(kept, 1)
         self.items: dict[str, pytest.Item] = {item.nodeid: item for item in session.items}
+        # The collection of tests may have frozen what it made (tests/conftest.py): get_objects would not tell of it.
+        gc.unfreeze()
         gc.collect()
         self._functions: dict[tuple[str, str], list[FunctionType]] = {}
         for found in gc.get_objects():

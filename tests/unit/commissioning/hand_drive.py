@@ -50,6 +50,7 @@ class HandDrive:
         push: motor torque, as part of that asked for beside the speed; `torque_nm` at any speed.
         quick_dec: ramp of its quick stop, deg/s2; `after`: state and brake when it has ended.
         wrote: every output. spoil: changes the feedback.
+        leashes: of the steps that have opened it, and whether it must follow.
     """
 
     def __init__(self, **what: Any) -> None:
@@ -69,6 +70,7 @@ class HandDrive:
         rows = [SimpleNamespace(place="608F:01", verdict="ok")]
         self.opened = SimpleNamespace(units=units, rows=rows, settings=self.settings)
         self.wrote: list[OutputImage] = []
+        self.leashes: list[tuple[float, bool]] = []
         self.deg = self.speed = self.torque = 0.0
         self.state, self.brake_open, self.quick = DriveState.SWITCH_ON_DISABLED, False, False
 
@@ -142,6 +144,7 @@ def opens(drive: HandDrive) -> Any:
     def opened(
         c: Context, leash_deg: float, part: str = "", *, following: bool = True
     ) -> Iterator[OpenLoopAxis]:
+        drive.leashes.append((leash_deg, following))
         yield axis_of(drive, leash_deg, following=following)
 
     return opened

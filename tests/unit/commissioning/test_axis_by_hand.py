@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,10 +15,12 @@ from gantryctl.commissioning.results import Figure, Outcome, failed, judged, pas
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, LinkFlag
+from gantryctl.machine import with_values
 from gantryctl.operation.client import Stop
 from gantryctl.runtime import Retained
 from unit.commissioning.hand_drive import (
     COUNTS_PER_DEG,
+    MACHINE,
     PERIOD_S,
     HandDrive,
     axis_of,
@@ -151,6 +155,8 @@ def test_a_sound_axis_goes_on_behind_a_scan_that_was_held_up() -> None:
 
     axis._clock = SimpleNamespace(wait_for=held_up)
     axis.run(1.0, speed_deg_s=0.3)
+    # The meter of the step knows the time that has passed: 76 scans to be enabled, 25, 250 and the 100 missed ones.
+    assert axis._watch.meter.done == pytest.approx(PERIOD_S * (76 + 25 + 250 + 100))
     # One scan of 0.0012 deg.
     assert axis.angle_deg == pytest.approx(0.3 * (0.1 + 0.4 + 1.0), abs=0.0012)
 
@@ -401,3 +407,65 @@ def test_where_a_step_has_left_the_shaft_is_where_it_is_looked_for_next(
         opened.drive.deg = turned / COUNTS_PER_DEG
     (retained,) = opened.kept
     assert retained.rest_position_counts == kept
+
+
+def test_the_shaft_is_looked_at_behind_the_drive_that_is_off(opened: SimpleNamespace) -> None:
+    """It sags by 0.001 deg, 1666 counts, as the brake closes."""
+
+    def close() -> None:
+        opened.drive.deg += 0.001
+
+    opened.drive.close = close
+    with open_loop_axis.open_loop_axis(context(), 1.0):
+        pass
+    assert opened.kept[0].rest_position_counts == 1666
+
+
+@pytest.mark.parametrize("clock", [True, False])
+def test_only_an_axis_by_the_clock_takes_the_priority_that_keeps_time(
+    opened: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, clock: bool
+) -> None:
+    did: list[str] = []
+
+    @contextmanager
+    def keeps_time() -> Iterator[None]:
+        did.append("begins")
+        yield
+        did.append("ends")
+
+    monkeypatch.setattr(open_loop_axis, "keeps_time", keeps_time)
+    machine = (
+        with_values(MACHINE, {"can.interface": "socketcan", "can.channel": "can0"}) if clock else MACHINE
+    )
+    with open_loop_axis.open_loop_axis(context(machine), 1.0):
+        did.append("steps")
+    assert did == (["begins", "steps", "ends"] if clock else ["steps"])
+
+
+@pytest.mark.parametrize(("part", "titles"), [("there", ["there"]), ("", [])])
+def test_what_moves_has_a_picture_with_what_was_commanded(
+    opened: SimpleNamespace, part: str, titles: list[str]
+) -> None:
+    c = context()
+    with open_loop_axis.open_loop_axis(c, 1.0, part) as axis:
+        axis.enable()
+        axis.run(0.02, speed_deg_s=0.3)
+        axis.drive.silent_process_data = True  # type: ignore[misc]
+        axis.scan(ENABLE, 0.3)
+    assert [picture.title for picture in c.watch.pictures] == titles
+    shown, silent = axis.samples[-2:]
+    assert shown[1:4] == pytest.approx((0.3, 0.3, 5 * PERIOD_S * 0.3), abs=1e-6)
+    # In silence the speed and the torque of the last telegram are no news.
+    assert (silent.ref_deg_s, silent.way_deg) == pytest.approx((0.3, 6 * PERIOD_S * 0.3), abs=1e-6)
+    assert math.isnan(silent.act_deg_s)
+    assert math.isnan(silent.torque_nm)
+
+
+def test_a_bus_of_its_own_time_has_the_time_of_its_link() -> None:
+    now = [100.0]
+    drive = HandDrive()
+    drive.link = SimpleNamespace(stepped=False, now_s=lambda: now[0])
+    axis = axis_of(drive)
+    for now[0] in (100.004, 100.5):
+        axis.scan(DriveRequest.DISABLE)
+    assert [sample.time_s for sample in axis.samples] == [100.004, 100.5]

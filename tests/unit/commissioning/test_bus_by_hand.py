@@ -219,3 +219,93 @@ def test_an_angle_that_is_read_but_not_valid_is_no_reference(
     seen = SimpleNamespace(retained=kept, reading=reading)
     monkeypatch.setattr(steps_bus, "read_only", lambda *_: nullcontext(seen))
     assert steps_bus.encoder(context()).outcome is outcome
+
+
+# Bit 7 is the warning; 0x0237 is operation enabled, 0x0208 a fault.
+@pytest.mark.parametrize(
+    ("samples", "agree", "text"),
+    [
+        (((0x237, 0x237, 0x237),) * 2, True, "agrees 2 times"),
+        # A bit by SDO alone, in the first sample or in the last one.
+        (((0x237, 0x2B7, 0x237), (0x237, 0x237, 0x237)), False, "differs in bits 7"),
+        (((0x237, 0x237, 0x237), (0x237, 0x2B7, 0x237)), False, "differs in bits 7"),
+        # It changes between two telegrams: before and after one reading, or from one sample to the next.
+        (((0x237, 0x237, 0x2B7),), True, "agrees 1 times, bits 7 change by themselves and are not compared"),
+        (((0x237, 0x237, 0x237), (0x2B7, 0x237, 0x2B7)), True, "agrees 2 times, bits 7 change by themselves"),
+        (((0x237, 0x237, 0x208),), False, "agrees 1 times, the state itself changes (bits 0, 1, 2, 3, 5)"),
+    ],
+)
+def test_a_statusword_is_the_same_by_telegram_and_by_sdo(
+    samples: tuple[tuple[int, int, int], ...], agree: bool, text: str
+) -> None:
+    found = steps_bus.judge_statuswords([steps_bus.StatuswordSample(*each) for each in samples])
+    assert found.agree is agree
+    assert found.text.startswith(text)
+
+
+@pytest.mark.parametrize(("before", "said"), [(None, False), ("maker 1", False), ("maker 2", True)])
+def test_another_drive_than_the_last_one_is_told(
+    monkeypatch: pytest.MonkeyPatch, before: str | None, said: bool
+) -> None:
+    drive = SimpleNamespace(
+        identity=lambda: SimpleNamespace(name="a drive"), health=lambda: SimpleNamespace(drive_key="maker 1")
+    )
+    monkeypatch.setattr(steps_bus, "read_only", lambda *_: nullcontext(SimpleNamespace(drive=drive)))
+    kept = None if before is None else SimpleNamespace(drive=before)
+    monkeypatch.setattr(steps_bus, "load_record", lambda _: kept)
+    monkeypatch.setattr(steps_bus, "record_path", lambda *_: None)
+    monkeypatch.setattr(steps_bus, "_profile", lambda _: "no profile")
+    c = with_store()
+    proof = steps_bus.identity(c).proof
+    assert proof.startswith("a drive; maker 1; no profile")
+    assert ("it was maker 2 before" in proof) is said
+
+
+def with_store() -> Any:
+    c = context()
+    object.__setattr__(c, "store", SimpleNamespace(directory=None))
+    return c
+
+
+@pytest.mark.parametrize("wrong", [0, 2])
+def test_what_a_drive_came_with_is_told_by_its_wrong_parameters(wrong: int) -> None:
+    said: list[str] = []
+    c = context()
+    rows = [SimpleNamespace(line=f"line {k}", verdict=SimpleNamespace(refuses=k < wrong)) for k in range(3)]
+    for name, value in (("as_found", tuple(rows)), ("say", said.append)):
+        object.__setattr__(c, name, value)
+    proof = steps_bus.defaults(c).proof
+    assert proof.startswith(
+        "3 parameters read, 2 are not" if wrong else "3 parameters read, all as they must be"
+    )
+    assert said == [f"  line {k}" for k in range(wrong)]
+
+
+@pytest.mark.parametrize("differing", [3, 4])
+def test_a_node_that_shows_something_else_by_sdo_fails_whichever_it_is(
+    monkeypatch: pytest.MonkeyPatch, differing: int
+) -> None:
+    drive = bus_drive(0, 0)
+    nodes = [
+        SimpleNamespace(
+            watch=SimpleNamespace(missed=0, received=1000), identity=SimpleNamespace(text="maker"),
+            remote=SimpleNamespace(node=number), compare=lambda number=number: ["6000 differs"] * (number == differing),
+        ) for number in (3, 4)
+    ]  # fmt: skip
+    drive.beside = SimpleNamespace(nodes=nodes)  # type: ignore[attr-defined]
+    found = judged(monkeypatch, "nodes", drive, with_values(MACHINE, {"can.io.node": 3}))
+    assert found.outcome is Outcome.FAILED
+    assert f"node {differing}: 6000 differs" in found.proof
+
+
+def test_each_output_is_on_for_three_seconds_for_whoever_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """750 scans of 4 ms each, with the drive off."""
+    drive = bus_drive(0, 0)
+    drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=dict))  # type: ignore[attr-defined]
+    names = ("horn", "lamp", "in_position", "at_rest")
+    wired = {f"can.outputs.{name}": 16 + bit for bit, name in enumerate(names)}
+    found = judged(monkeypatch, "wiring", drive, with_values(MACHINE, wired))
+    shown = [tuple(name for name in names if getattr(output, name)) for output in drive.wrote]
+    assert [each for each in shown if each] == [(name,) for name in names for _ in range(750)]
+    assert {output.request for output in drive.wrote} == {DriveRequest.DISABLE}
+    assert found.proof.endswith("switched on for whoever looked: horn, lamp, in_position, at_rest")

@@ -37,12 +37,14 @@ LOOK_S = 0.005
 class Room:
     """A desk in virtual time, and people in front of it."""
 
-    def __init__(self, work: Commissioning) -> None:
+    def __init__(self, work: Commissioning, **options: bool) -> None:
         self.memory = SharedMemory.create()
         self.memory.words[Word.RECORDER_NS] = 2**62  # alive for ever
         self.now_s, self._seq, self.lively = 100.0, 0, True
         self.work, self.board = work, Board(self.memory)
-        self.desk = Desk(MACHINE, self.memory, self.board, lambda: work.watch, now=lambda: self.now_s)
+        self.desk = Desk(
+            MACHINE, self.memory, self.board, lambda: work.watch, now=lambda: self.now_s, **options
+        )
         self.board.show(work)
         self.desk.set_up()
         self.go(0.02)
@@ -192,9 +194,37 @@ def test_the_console_takes_control_from_afar_and_ends_the_step_there(room: Room)
     assert room.desk.halt.why == "anna took control"
 
 
-def test_a_note_can_be_written_while_a_step_runs(room: Room) -> None:
+def test_who_takes_control_again_ends_no_step_of_hers(room: Room) -> None:
+    here = Identity("l", "anna", Role.SERVICE, "local")
+    room.begun(who=here)
+    room.ask(here, "take", over=False)
+    assert not room.desk.halt.asked()
+
+
+def test_the_journal_says_why_a_step_was_stopped(room: Room) -> None:
+    told: list[str] = []
+    put = room.desk.events.put
+
+    def keep(kind: str, text: str, *who: Any, **values: Any) -> None:
+        told.append(text)
+        put(kind, text, *who, **values)
+
+    room.desk.events.put = keep  # type: ignore[method-assign, assignment]
     room.begun()
-    assert room.ask(ANNA, "note", line="the brake smells") == ""
+    room.ask(VIEWER, "stop")
+    assert "step identity is stopped: stopped by vera" in told
+
+
+@pytest.mark.parametrize(("armed_by", "code"), [("otto", ""), ("anna", "SEC-10")])
+def test_where_a_second_person_is_wanted_another_one_arms(
+    work: Commissioning, monkeypatch: pytest.MonkeyPatch, armed_by: str, code: str
+) -> None:
+    anna, otto = (Identity(name, name, Role.SERVICE, "console", name) for name in ("anna", "otto"))
+    room = Room(work, second_person=True)
+    monkeypatch.setattr(room.board, "check_turn", lambda step: None)
+    assert room.ask(anna, "take", over=False) == ""
+    assert room.ask(otto if armed_by == "otto" else anna, "arm", action="commission") == ""
+    assert room.ask(anna, "commission_step", step="velocity") == code
 
 
 @pytest.mark.parametrize(
@@ -212,6 +242,7 @@ def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> Non
     assert {each for each in inputs if not tags[each]} == {name}
     assert (tags["pos_act_deg"], tags["vel_act_deg_s"], tags["torque_act_nm"]) == (-90.25, 0.5, -12.5)
     assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
+    assert tags["brake_open_cmd"] == brake_open
     # An angle that nobody knows is none.
     assert math.isnan(fast_tags(MACHINE, Seen(None, None, drive), moves=True)["pos_act_deg"])
 
@@ -240,6 +271,13 @@ def test_steps_have_their_turn_and_the_axis_no_other_commands(room: Room) -> Non
         ("arm", {"action": "brake_test"}),
     ):
         assert room.ask(ANNA, kind, **values) == "CTL-14", kind
+
+
+def test_a_step_that_only_pushes_is_armed_at_the_console_too(free_room: Room) -> None:
+    for who, code in ((ANNA, "SEC-10"), (REMOTE, "CTL-14")):
+        assert free_room.ask(who, "take", over=False) == ""
+        assert free_room.ask(who, "commission_step", step="brake") == code
+        assert free_room.ask(who, "give") == ""
 
 
 def test_a_step_that_moves_is_armed_at_the_console(free_room: Room) -> None:

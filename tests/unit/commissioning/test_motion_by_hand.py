@@ -95,7 +95,7 @@ def turned(monkeypatch: pytest.MonkeyPatch) -> Moves:
     return Moves(
         monkeypatch, 0.0,
         vel_ref_rad_s=np.radians(3.0) * way * np.where(ramp, 0.5, 1.0), pos_act_rad=np.radians(angle),
-        torque_act_nm=torque / 1144.0, pos_err_rad=np.radians(np.where(angle == 5.0, -0.01, 0.004)),
+        torque_act_nm=torque / 1144.0, pos_err_rad=np.radians(np.where(angle == 175.0, -0.01, 0.004)),
     )  # fmt: skip
 
 
@@ -112,6 +112,30 @@ def test_the_slow_turn_fits_friction_and_moment_at_constant_speed(monkeypatch: p
         abs=1e-6,
     )  # fmt: skip
     assert "eccentric moment 3.16 kN m (sine +3.00, cosine +1.00), friction 5.00 kN m" in found.proof
+
+
+def test_a_picture_of_a_run_shows_its_way_from_where_it_began() -> None:
+    """2 deg from 10 deg on, 3 deg/s commanded, 2.9 seen; 3,000 scans become one in each, half a picture."""
+
+    class Rows(dict[str, Any]):
+        def __len__(self) -> int:
+            return len(self["time_s"])
+
+    def samples(count: int) -> Any:
+        there = np.arange(count)
+        return steps_motion._samples(
+            Rows(
+                time_s=there * 0.004, vel_ref_rad_s=np.radians(3.0 + 0.0 * there), torque_act_nm=there * 1.0,
+                vel_act_rad_s=np.radians(2.9 + 0.0 * there), pos_act_rad=np.radians(10.0 + 2.0 * there / (count - 1)),
+            )  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    first, *_, last = samples(5)
+    assert first == pytest.approx((0.0, 3.0, 2.9, 0.0, 0.0))
+    assert last == pytest.approx((0.016, 3.0, 2.9, 2.0, 4.0))
+    # 2,400 points are four in each of those that are drawn.
+    assert [len(samples(count)) for count in (2399, 4799, 4800)] == [2399, 4799, 2400]
+    assert steps_motion._samples(Rows(time_s=[])) == []  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("most_deg", "whole"), [(150.0, True), (149.9, False)])

@@ -15,8 +15,9 @@ from gantryctl.commissioning import run as commissioning_run
 from gantryctl.commissioning.results import Figure, Progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
 from gantryctl.commissioning.watch import Halt, StepStopped
+from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.engineering.report.head import Judged
-from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Stop
@@ -78,9 +79,11 @@ def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.Monke
 def test_the_first_who_stops_a_step_is_told_and_the_hardest_stop_counts() -> None:
     halt = Halt()
     halt.check()
+    run = SimpleNamespace(stop=Stop.NO)
+    halt._run = run  # type: ignore[assignment]
     for urgency, who in ((Stop.RAMP, "anna"), (Stop.QUICK, "eve"), (Stop.RAMP, "otto")):
         halt.ask(urgency, who)
-    assert (halt.urgency, halt.why) == (Stop.QUICK, "anna")
+    assert (halt.urgency, halt.why, run.stop) == (Stop.QUICK, "anna", Stop.QUICK)
 
 
 @pytest.mark.parametrize(("silent_s", "stops"), [(0.5, False), (0.51, True)])
@@ -219,8 +222,10 @@ def raising(fault: Exception) -> Callable[[Any], StepResult]:
 
 
 def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_not(
-    made: Callable[..., Commissioning],
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    frozen: list[str] = []
+    monkeypatch.setattr(commissioning_run, "freeze", lambda folder, what: frozen.append(what))
     work = made()
     record = work.record()
     assert record == record_path(work.store.directory, MACHINE)
@@ -238,6 +243,8 @@ def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_no
         assert result is not None
         assert result.outcome is F
         assert not record.exists()
+    # What the bus has carried is kept of the two that failed.
+    assert frozen == ["step-a", "step-a"]
 
 
 def test_the_record_names_what_has_passed_and_what_it_has_measured(
@@ -374,3 +381,110 @@ def test_other_gains_take_away_the_record_and_every_proof_from_the_sign_on(
     kept = set(made().progress.results)
     assert {"identity", "silence", "brake", "torque"} <= kept
     assert not kept & {"sign", "velocity", "ring", "ramp", "loop", "stops", "turn", "bands"}
+
+
+def test_a_result_has_the_time_of_the_axis_and_of_the_person(tmp_path: Path) -> None:
+    """In virtual time the axis has moved for 7 s, and the person has waited 2."""
+    now = [100.0]
+
+    def run(c: Any) -> StepResult:
+        c.watch.meter.advance(7.0)
+        now[0] += 2.0
+        return StepResult("a", P, "")
+
+    with StateStore(MACHINE, tmp_path) as store:
+        work = Commissioning(
+            MACHINE, store, tmp_path, lambda line: None, lambda asked: True, now_s=lambda: now[0], by=lambda: "anna"
+        )  # fmt: skip
+        result = work.do(Step("a", "", "", "", run, lasts_s=lambda machine: 20.0))
+    assert result is not None
+    assert (result.seconds, result.axis_s, result.by) == (2.0, 7.0, "anna")
+
+
+def test_only_what_a_person_has_accepted_is_accepted_in_the_record(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [SimpleNamespace(text=standing.name, standing=standing) for standing in Standing]
+    monkeypatch.setattr(commissioning_run, "read_ledger", lambda *_, **__: rows)
+    record = load_record(made().record())
+    assert record is not None
+    assert record.accepted == ("ACCEPTED",)
+
+
+@pytest.mark.parametrize("in_fault", [False, True])
+def test_a_drive_is_left_set_up_and_off_the_bus_and_one_in_its_fault_begins_nothing(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch, in_fault: bool
+) -> None:
+    did: list[object] = []
+    drive = SimpleNamespace(health=lambda: SimpleNamespace(node_keys=("3 n",)))
+    monkeypatch.setattr(commissioning_run, "open_machine", lambda *_: SimpleNamespace(drive=drive))
+    monkeypatch.setattr(commissioning_run, "leave_bus", did.append)
+    fault = SimpleNamespace(text="in its fault")
+    monkeypatch.setattr(commissioning_run, "why_in_fault", lambda _: fault if in_fault else None)
+    monkeypatch.setattr(commissioning_run, "load_facts", lambda _: "facts")
+    if in_fault:
+        with pytest.raises(CommandRefused, match="in its fault"):
+            made()._set_up()
+    else:
+        assert made()._set_up() == ("facts", ("3 n",))
+    assert did == [drive]
+
+
+def test_what_an_unusable_drive_has_shown_is_kept(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ledger says what is lacking by it."""
+    kept: list[object] = []
+
+    def opens(*_: object) -> None:
+        raise UnusableDrive("no 6040", facts="its facts")  # type: ignore[arg-type]
+
+    monkeypatch.setattr(commissioning_run, "open_machine", opens)
+    monkeypatch.setattr(commissioning_run, "store_facts", lambda path, facts: kept.append(facts))
+    monkeypatch.setattr(commissioning_run, "load_facts", lambda _: kept[0])
+    assert made()._set_up() == ("its facts", ())
+
+
+def test_the_bus_is_left_by_whoever_reads_the_drive_before_it_is_set_up(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two masters on one bus: the second finds it taken."""
+    closed: list[int] = []
+    link = SimpleNamespace(close=lambda: closed.append(1))
+    monkeypatch.setattr(commissioning_run, "can_link", lambda _: link)
+    for fault in (None, DeviceError("silent")):
+
+        def read(*_: object, fault: Exception | None = fault) -> SimpleNamespace:
+            if fault is not None:
+                raise fault
+            return SimpleNamespace(rows=())
+
+        monkeypatch.setattr(commissioning_run, "ReadOnlyDrive", read)
+        work = made()
+        monkeypatch.setattr(work, "_set_up", raising(AlarmStop("set up")).__get__(work))
+        with pytest.raises((AlarmStop, DeviceError)):
+            work.start(again=False)
+    assert closed == [1, 1]
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_a_report_stands_beside_what_the_one_before_it_has_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, earlier: bool
+) -> None:
+    seen: list[Progress | None] = []
+    monkeypatch.setattr(report, "_page", lambda progress, ledger, before, head: seen.append(before) or "page")
+    first, second = Progress("m", "first"), Progress("m", "second")
+    for progress in (first, second) if earlier else (second,):
+        report.write_report(progress, (), tmp_path, None)  # type: ignore[arg-type]
+    assert seen[-1] == (first if earlier else None)
+
+
+def test_a_complete_report_says_from_when_to_when_and_by_whom() -> None:
+    results = {
+        "a": StepResult("a", P, "", at="2026-11-02", by="anna"),
+        "b": StepResult("b", P, "", at="2026-11-05", by="otto"),
+        "c": StepResult("c", P, "", at="2026-11-03", by="anna"),
+    }
+    said = report._verdict(Progress("m", "h", results=results), True, (A, B, MAY))
+    assert "All 2 required steps" in said
+    assert said.endswith("Done from 2026-11-02 to 2026-11-05 by anna, otto.")

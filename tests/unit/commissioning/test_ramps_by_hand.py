@@ -12,6 +12,7 @@ import pytest
 from gantryctl.commissioning import steps_lacks
 from gantryctl.commissioning.results import Context, Outcome
 from gantryctl.commissioning.stopping.quick_stop import QuickStop
+from gantryctl.engineering.stops.run import StopClass
 from gantryctl.machine import Machine, with_values
 from unit.commissioning.hand_drive import MACHINE, context
 
@@ -30,9 +31,13 @@ class Ramps:
             dec, uncertainty = left.pop(0) if left else (5.4, 0.0)
             return QuickStop(1.0, dec, uncertainty)
 
-        load = SimpleNamespace(torque_motor_nm=300.0, torque_reducer_nm=20e3)
+        def worst(machine: Machine, stop: StopClass, top: float, hardest: float) -> SimpleNamespace:
+            self.computed.append((stop, top, hardest))
+            return SimpleNamespace(torque_motor_nm=300.0, torque_reducer_nm=20e3 + len(self.computed))
+
+        self.computed: list[tuple[StopClass, float, float]] = []
         monkeypatch.setattr(steps_lacks, "_stop_from", stop_from)
-        monkeypatch.setattr(steps_lacks, "worst_stop", lambda *_: load)
+        monkeypatch.setattr(steps_lacks, "worst_stop", worst)
         monkeypatch.setattr(steps_lacks, "within_ratings", lambda *_: True)
 
 
@@ -63,7 +68,17 @@ def test_what_a_ramp_would_load_stands_beside_what_motor_and_reducer_bear(
     figures = steps_lacks.ramp(context()).figures
     motor, reducer = figures["torque_at_top_nm"], figures["reducer_at_top_nm"]
     assert (motor.value, motor.high) == (300.0, MACHINE.motor.torque_max_nm)
-    assert (reducer.value, reducer.high) == (20e3, MACHINE.reducer.torque_momentary_nm)
+    # Those of the last and fastest one.
+    assert (reducer.value, reducer.high) == (20_005.0, MACHINE.reducer.torque_momentary_nm)
+
+
+def test_the_loads_are_those_of_a_stop_from_the_highest_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ramp of 0.25 s: 1.2 deg/s2 from 0.3 deg/s may be a fixed one; with 2.4 from 0.6 deg/s it is 24 from 6 deg/s."""
+    ramps = Ramps(monkeypatch, *((speed / 0.25, 0.0) for speed in (0.3, 0.6, 1.0, 2.0, 3.0)))
+    steps_lacks.ramp(context(with_values(MACHINE, {"speed.setting_max_deg_s": 6.0})))
+    assert ramps.computed == [
+        (StopClass.QUICK, 6.0, pytest.approx(hardest)) for hardest in (1.2, 24.0, 24.0, 24.0, 24.0)
+    ]
 
 
 @pytest.mark.parametrize(

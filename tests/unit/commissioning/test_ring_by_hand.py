@@ -26,6 +26,12 @@ def test_each_way_has_its_own_ratio() -> None:
     assert [found.number(name) for name in names] == pytest.approx([1.0, 0.5, 5.0])
 
 
+def test_how_far_both_are_apart_is_seen_before_anything_turns() -> None:
+    """0.02 deg at the start, 0.05 deg 10 deg further on, 0.03 deg back again."""
+    found = _judged(MACHINE, _Standing(0.0, 0.02), _Standing(10.0, 10.05), _Standing(0.0, 0.03))
+    assert found.number("apart_deg") == pytest.approx(0.02)
+
+
 @pytest.mark.parametrize("start_deg", [90.0, -90.0])
 def test_the_motor_stands_where_it_was_and_as_far_as_it_has_turned(start_deg: float) -> None:
     drive = HandDrive()

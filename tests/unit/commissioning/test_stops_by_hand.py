@@ -84,6 +84,44 @@ def test_a_quick_stop_that_is_none_is_broken_off(speed: float, what: dict[str, A
         stopped(speed, **what)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("speed", "left_at", "stops"),
+    [(3.0, 0.7, False), (3.0, 0.8, True), (0.3, 0.09, False), (0.3, 0.11, True)],
+)
+def test_a_drive_may_leave_its_quick_stop_when_it_hardly_turns(
+    way: float, speed: float, left_at: float, stops: bool
+) -> None:
+    """At a quarter of its speed, and at 0.1 deg/s of a slow one."""
+    drive, axis = enabled()
+    axis.ramp_to(way * speed, 5.0)
+    drive.spoil = lambda seen: seen._replace(
+        state=S.SWITCH_ON_DISABLED if abs(drive.speed) <= left_at else S.QUICK_STOP_ACTIVE,
+        vel_act_rad_s=math.radians(math.copysign(max(abs(drive.speed), left_at), way)) * 1144,
+    )
+    if stops:
+        with pytest.raises(AlarmStop, match="left its quick stop"):
+            measure_quick_stop(axis, way * speed, 5.4)
+    else:
+        measure_quick_stop(axis, way * speed, 5.4)
+
+
+@pytest.mark.parametrize(("scans", "obeyed"), [(5, True), (6, False)])
+def test_a_quick_stop_may_show_five_scans_after_its_command(scans: int, obeyed: bool) -> None:
+    """At the next SYNC it acts, at the one after it shows, and two scans more are granted."""
+    drive, axis = enabled()
+    drive.spoil = lambda seen: seen._replace(
+        state=S.OPERATION_ENABLED
+        if sum(output.request is DriveRequest.QUICK_STOP for output in drive.wrote) <= scans
+        else S.QUICK_STOP_ACTIVE
+    )
+    if obeyed:
+        measure_quick_stop(axis, 0.3, 5.4)
+    else:
+        with pytest.raises(AlarmStop, match="is not obeyed"):
+            measure_quick_stop(axis, 0.3, 5.4)
+
+
 def test_a_ramp_of_three_scans_is_not_measured() -> None:
     assert math.isnan(stopped(1.0, quick_dec=200.0).dec_deg_s2)
 
@@ -136,6 +174,9 @@ def test_stops_go_forward_and_back_and_the_longest_is_told(monkeypatch: pytest.M
     assert asked == [("quick stop", 1.0), ("silence", -1.0), ("quick stop", 3.0), ("silence", -3.0)]
     assert (found.outcome, found.proof) == (Outcome.PASSED, "5 stops, largest 0.750 deg")
     assert found.number("slowest_ramp_deg_s2") == 5.0
+    # 0.6 deg/s at 2 deg/s2 and 20 deg/s3: 0.3 s and 0.1 s of jerk, at half of it; 60 ms of reaction more may be.
+    assert found.number("jog_release_0p6_computed_deg") == pytest.approx(0.12)
+    assert found.figures["jog_release_0p6_measured_deg"].high == pytest.approx(0.156)
 
 
 @pytest.mark.parametrize("stopped", [False, True])
@@ -249,10 +290,15 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
 ) -> None:
     """5.4 deg/s2 from 1 deg/s, after the shorter one of 0.05 and 0.15 s."""
     asked: list[float] = []
+    did: list[object] = []
 
     @contextmanager
     def at_speed(c: object, what: str, speed: float, way_deg: float) -> Iterator[SimpleNamespace]:
-        yield SimpleNamespace(drive=None, wake=lambda: None)
+        yield SimpleNamespace(drive=None, wake=lambda: did.append("awake"))
+
+    def fall(axis: object, silent: silence.Silence, speed: float) -> silence.SilentDrive:
+        did.append((silent.ways, silent.limit_s, silent.way_deg, silent.ramp_s, speed))
+        return seen
 
     def computed(speed: float, dec: float, delay_s: float) -> float:
         asked.append(delay_s)
@@ -265,13 +311,44 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
     monkeypatch.setattr(steps_motion, "computed_way_deg", computed)
     monkeypatch.setattr(steps_motion, "_unbraked_way_deg", lambda c: 0.0)
     seen = silence.SilentDrive(state=state, brake_open=False, way_deg=0.08)
-    monkeypatch.setattr(steps_motion, "fall_silent", lambda axis, silent, speed: seen)
+    monkeypatch.setattr(steps_motion, "fall_silent", fall)
     if stopped:
-        assert steps_motion._silent_stop(context(), 1.0, []) == ("silence", 0.08, 0.1)
+        assert steps_motion._silent_stop(context(), -1.0, []) == ("silence", 0.08, 0.1)
     else:
         with pytest.raises(AlarmStop, match="silence at 1 deg/s"):
-            steps_motion._silent_stop(context(), 1.0, [])
+            steps_motion._silent_stop(context(), -1.0, [])
     assert asked == [0.05]
+    # 60 ms of reaction at 1 deg/s more than computed, and 1 / 5.4 s of ramp; the fault is cleared behind a stop.
+    permitted = (tuple(silence.Way), 0.05, pytest.approx(0.16), pytest.approx(0.18519, abs=1e-5), -1.0)
+    assert did == [permitted, *(["awake"] if stopped else [])]
+
+
+@pytest.mark.parametrize("speed", [1.0, -3.0])
+def test_a_stop_by_a_watchdog_has_the_time_of_its_step_and_the_brake_alone(
+    monkeypatch: pytest.MonkeyPatch, speed: float
+) -> None:
+    """The torque is gone with the relay: no ramp, and 0.1 s of the step are 100 ms."""
+    asked: list[object] = []
+
+    @contextmanager
+    def at_speed(*_: object) -> Iterator[SimpleNamespace]:
+        yield SimpleNamespace(drive=None, wake=lambda: None)
+
+    def way(machine: object, speed: float, delay_ms: float, *, brake: bool) -> float:
+        asked.append((speed, delay_ms, brake))
+        return 0.5
+
+    def fall(axis: object, silent: silence.Silence, speed: float) -> silence.SilentDrive:
+        asked.append((silent.limit_s, silent.way_deg))
+        return silence.SilentDrive(state=S.FAULT, brake_open=False, way_deg=0.4)
+
+    for name, stand_in in (
+        ("_at_speed", at_speed), ("watched_ways", lambda axis: ()), ("fall_silent", fall), ("silent_way_deg", way),
+    ):  # fmt: skip
+        monkeypatch.setattr(steps_motion, name, stand_in)
+    passed = StepResult("watchdog", Outcome.PASSED, "", {steps_motion.SILENT_STOP_S: Figure(0.1)})
+    assert steps_motion._silent_stop(context(watchdog=passed), speed, []) == ("silence", 0.4, 0.5)
+    assert asked == [(speed, 100.0, True), (0.1, pytest.approx(0.5 + 0.06 * abs(speed)))]
 
 
 # --- silence ----------------------------------------------------------------------------------------------------------
@@ -303,7 +380,8 @@ def test_each_way_has_its_object_and_its_time() -> None:
     ("contact", "state", "is_open"),
     [
         (True, S.FAULT, True), (False, S.FAULT, False), (False, S.OPERATION_ENABLED, False),
-        (None, S.FAULT, False), (None, S.OPERATION_ENABLED, True), (None, S.FAULT_REACTION_ACTIVE, True),
+        (None, S.FAULT, False), (None, S.READY_TO_SWITCH_ON, False), (None, S.OPERATION_ENABLED, True),
+        (None, S.FAULT_REACTION_ACTIVE, True),
         (DeviceError("no"), S.FAULT, True),
     ],
 )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from types import FunctionType, SimpleNamespace
 from typing import Any
@@ -48,3 +49,23 @@ def test_a_closure_that_a_module_made_when_it_was_imported_is_changed_too(
         tests._patch(change, text)()
         assert made["RULES"]["a"](3) is seen
         assert made["above"](4)(4)
+
+
+def test_what_the_collection_of_tests_has_frozen_is_changed_too(
+    warm: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As tests/conftest.py does: else every change wants a fresh process, a hundred times as long."""
+    path, made = str(tmp_path / "rules.py"), dict[str, Any]()
+
+    def collect(**_: object) -> None:
+        exec(compile(SOURCE, path, "exec"), made)  # noqa: S102 - the source above
+        gc.freeze()
+
+    hook = SimpleNamespace(pytest_sessionstart=lambda **_: None, pytest_collection=collect)
+    plugins = SimpleNamespace(register=lambda *_: None)
+    config = SimpleNamespace(pluginmanager=plugins, _do_configure=lambda: None, hook=hook)
+    monkeypatch.setattr(warm, "_prepareconfig", lambda *_: config)
+    monkeypatch.setattr(warm, "Session", SimpleNamespace(from_config=lambda _: SimpleNamespace(items=[])))
+    tests = warm.WarmTests(SimpleNamespace(root=tmp_path), [])
+    gc.unfreeze()
+    assert tests._functions[path, "above"] == [made["above"]]

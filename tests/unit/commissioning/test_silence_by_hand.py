@@ -1,0 +1,267 @@
+"""What is kept of a silence, which time of it counts, and a controller that is killed; by hand, nothing is forked."""
+
+from __future__ import annotations
+
+import signal
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning.results import Outcome
+from gantryctl.commissioning.stopping import controller_death, silence, steps_silence
+from gantryctl.errors import AlarmStop
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.machine import with_values
+from gantryctl.operation.ledger.rows import SILENT_STOP_S
+from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, context, enabled, opens
+
+pytestmark = pytest.mark.can
+
+S = DriveState
+
+
+class Silences:
+    """Stands for `fall_silent`: times until the drive was off, by what was silent; and what was done around it."""
+
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, drive: HandDrive, ways: tuple[silence.Way, ...]
+    ) -> None:
+        self.did: list[object] = []
+        self.marker: int | None = 7
+        self.off_s = {silence.Way.COMMANDS: 0.03, silence.Way.HEARTBEAT: 0.05}
+        drive.settings.rpdo_deadline_s, drive.settings.watch_s = 0.05, 0.15
+        drive.resume = lambda: self.did.append("awake")  # type: ignore[method-assign]
+        monkeypatch.setattr(steps_silence, "open_loop_axis", opens(drive))
+        monkeypatch.setattr(steps_silence, "watched_ways", lambda _: ways)
+        monkeypatch.setattr(steps_silence, "fall_silent", self.fall)
+        monkeypatch.setattr(steps_silence, "_keep_proof", self.keep)
+
+    def fall(self, axis: object, silent: silence.Silence, speed: float = 0.0) -> silence.SilentDrive:
+        self.did.append((silent.ways, silent.limit_s))
+        off_s = min(self.off_s[way] for way in silent.ways)
+        return silence.SilentDrive(stopped_s=off_s, state=S.FAULT, brake_open=False)
+
+    def keep(self, c: object) -> int | None:
+        self.did.append("kept")
+        return self.marker
+
+
+@pytest.mark.parametrize("marker", [7, None])
+def test_a_drive_that_watches_two_ways_stops_by_the_quicker_one(
+    monkeypatch: pytest.MonkeyPatch, marker: int | None
+) -> None:
+    """Each way alone, awake again behind it; then the proof is kept. Without a marker a restart is not noticed."""
+    silences = Silences(monkeypatch, HandDrive(), tuple(silence.Way))
+    silences.marker = marker
+    found = steps_silence.silence(context())
+    assert (found.outcome, found.number("silent_stop_s")) == (Outcome.PASSED, 0.03)
+    commands, heartbeat = silence.Way
+    assert silences.did == [((commands,), 0.05), "awake", ((heartbeat,), 0.15), "awake", "kept"]
+    assert ("no marker" in found.proof) is (marker is None)
+
+
+def test_a_drive_without_a_watch_has_shown_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    silences = Silences(monkeypatch, HandDrive(), ())
+    assert steps_silence.silence(context()).outcome is Outcome.NOT_TESTABLE
+    assert silences.did == []
+
+
+NODE = with_values(MACHINE, {"can.io.node": 3, "can.io.outputs.drive_enable": 0})
+
+
+@pytest.mark.parametrize("ways", [(), (silence.Way.HEARTBEAT,)])
+@pytest.mark.parametrize(("off_s", "longest_s"), [(0.04, 0.06), (0.07, 0.07)])
+def test_the_longest_time_of_a_watchdog_counts(
+    monkeypatch: pytest.MonkeyPatch, ways: tuple[silence.Way, ...], off_s: float, longest_s: float
+) -> None:
+    """60 ms of the node for a whole silence, 150 ms of its heartbeat alone. Only a drive without a watch of its own is
+    proven by the watchdog. The contact is read while the controller is still silent.
+    """
+    drive = HandDrive()
+    silences = Silences(monkeypatch, drive, ways)
+    silences.off_s = {silence.Way.COMMANDS: off_s, silence.Way.HEARTBEAT: 0.1}
+
+    def contact() -> bool:
+        silences.did.append("contact")
+        return False
+
+    drive.beside = SimpleNamespace(  # type: ignore[attr-defined]
+        inputs=SimpleNamespace(watchdog_contact=lambda: True),
+        ask_watchdog_contact=contact,
+        io=SimpleNamespace(ask_silence_limit_s=lambda: 0.06),
+    )
+    found = steps_silence.watchdog(context(NODE))
+    assert (found.outcome, found.number(SILENT_STOP_S)) == (Outcome.PASSED, longest_s)
+    heartbeat = silence.Way.HEARTBEAT
+    assert silences.did == [
+        ((heartbeat,), 0.15), "contact", "awake", (tuple(silence.Way), 0.06), "contact", "awake",
+        *([] if ways else ["kept"]),
+    ]  # fmt: skip
+
+
+def test_the_proof_is_kept_with_the_drive_and_its_marker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some drives answer SDO in PRE-OPERATIONAL only: there first."""
+    did: list[object] = []
+    drive = HandDrive()
+    drive.node.enter_pre_operational = lambda: did.append("quiet")
+    drive.leave_restart_marker = lambda: did.append("marked") or 7  # type: ignore[attr-defined]
+    drive.opened.identity = SimpleNamespace(key="maker 1")
+    monkeypatch.setattr(steps_silence, "open_loop_axis", opens(drive))
+    monkeypatch.setattr(steps_silence, "silent_master_proof_path", lambda *_: "here")
+    monkeypatch.setattr(steps_silence, "store_silent_master_proof", lambda *kept: did.append(kept))
+    c = context()
+    object.__setattr__(c, "store", SimpleNamespace(directory=None))
+    assert steps_silence._keep_proof(c) == 7
+    assert did == ["quiet", "marked", ("here", "maker 1", 7)]
+
+
+# --- silence, scan by scan --------------------------------------------------------------------------------------------
+
+
+def silent(drive: HandDrive, axis: Any, **what: Any) -> silence.SilentDrive:
+    drive.process.age = 0
+    drive.node.emergencies = SimpleNamespace(count=0)
+    drive.beside = SimpleNamespace(ask_brake_contact=lambda: False)  # type: ignore[attr-defined]
+    drive.look = drive.read  # type: ignore[attr-defined]
+    return silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 0.05), **what)
+
+
+def test_commands_go_on_while_the_heartbeat_alone_is_silent() -> None:
+    """At its speed, with the brake open; the drive is in its fault from the sixth scan on, which is 24 ms."""
+    drive, axis = enabled()
+    write = drive.write
+    drive.wrote.clear()
+
+    def till_the_fault(output: Any) -> None:
+        drive.process.statusword = 0x1637
+        if len(drive.wrote) < 5:
+            write(output)
+        else:
+            drive.wrote.append(output)
+            drive.process.statusword, drive.state, drive.speed, drive.brake_open = 0x0008, S.FAULT, 0.0, False
+
+    drive.write = till_the_fault  # type: ignore[method-assign]
+    seen = silent(drive, axis, speed_deg_s=0.6)
+    assert (seen.stopped, seen.stopped_s) == (True, pytest.approx(6 * PERIOD_S))
+    assert {(output.request, output.brake_open, round(axis.motor_rad_s(0.6) - output.vel_cmd_rad_s, 9))
+            for output in drive.wrote} == {(DriveRequest.ENABLE, True, 0.0)}  # fmt: skip
+    assert not drive.silent_process_data
+    assert drive.silent_heartbeat
+
+
+def test_a_drive_that_was_broken_off_shows_its_last_state_and_its_whole_way() -> None:
+    """Still enabled after 80 ms: 20 scans of 0.6 deg/s; then the gantry goes on for 0.01 deg while it is stopped."""
+    drive, axis = enabled()
+    write = drive.write
+
+    def on(output: Any) -> None:
+        first = output.request is DriveRequest.DISABLE and drive.state is S.OPERATION_ENABLED
+        write(output)
+        drive.deg += 0.01 * first
+        drive.process.statusword = 0x1637
+
+    drive.write = on  # type: ignore[method-assign]
+    seen = silent(drive, axis, speed_deg_s=0.6)
+    assert seen.broken_off.startswith("still operation enabled 80 ms")
+    assert seen.state is S.SWITCH_ON_DISABLED
+    assert seen.way_deg == pytest.approx(20 * PERIOD_S * 0.6 + 0.01, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "state"), [(b"\x08\x00", S.FAULT), (b"\x08", None), (b"\x08\x00\x00", None), (None, None)]
+)
+def test_a_state_by_sdo_has_two_bytes(data: bytes | None, state: DriveState | None) -> None:
+    view = silence._View(enabled()[1])
+    view._state(data)
+    assert view.state is (state or S.OPERATION_ENABLED)
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_where_no_sync_goes_out_the_link_listens_for_a_scan_itself(looks: bool) -> None:
+    drive, axis = enabled()
+    drive.silent_process_data, drive.process.age = True, 1
+    drive.requests = SimpleNamespace(read=lambda *_: None)  # type: ignore[attr-defined]
+    drive.look = drive.read  # type: ignore[attr-defined]
+    view, before = silence._View(axis), axis._watch.meter.done
+    view.looks = looks
+    view.scan()
+    assert axis._watch.meter.done - before == pytest.approx(PERIOD_S if looks else 0.0)
+
+
+# --- death of a controller --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("interface", "clock", "can"),
+    [
+        ("socketcan", True, True),
+        ("udp_multicast", True, True),
+        ("pcan", True, False),
+        ("socketcan", False, False),
+    ],
+)
+def test_only_a_process_apart_from_its_drive_can_be_killed(interface: str, clock: bool, can: bool) -> None:
+    machine: Any = SimpleNamespace(paced_by_clock=clock, can=SimpleNamespace(interface=interface))
+    assert controller_death.can_be_killed(machine) is can
+
+
+@pytest.mark.parametrize("ended", [0, 77])
+def test_a_copy_runs_the_axis_for_half_a_second_and_is_killed(
+    monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    """One that has ended by itself proves nothing: the axis is stopped."""
+    did: list[object] = []
+    now = [50.0]
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    def wait(copy: int, how: int) -> tuple[int, int]:
+        did.append(("waited", round(now[0] - 50.0, 2)))
+        return ended, 0
+
+    stand_in = SimpleNamespace(
+        fork=lambda: did.append("forked") or 77, WNOHANG=1, waitpid=wait,
+        kill=lambda copy, number: did.append((copy, number)),
+    )  # fmt: skip
+    monkeypatch.setattr(controller_death, "os", stand_in)
+    monkeypatch.setattr(controller_death, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+
+    def stop_for(why: str) -> None:
+        raise AlarmStop(why)
+
+    link = SimpleNamespace(take_over=lambda: did.append("taken over"))
+    axis: Any = SimpleNamespace(halted=False, stop_for=stop_for, drive=SimpleNamespace(link=link))
+    if ended:
+        with pytest.raises(AlarmStop, match="has ended by itself"):
+            controller_death.kill_controller(axis)
+        assert did[1:] == [("waited", pytest.approx(0.5, abs=0.011))]
+    else:
+        controller_death.kill_controller(axis)
+        waited = ("waited", pytest.approx(0.5, abs=0.011))
+        assert did == ["forked", waited, (77, signal.SIGKILL), waited, "taken over"]
+
+
+def test_the_copy_hears_nobody_and_goes_on_until_it_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    did: list[object] = []
+
+    def leave(code: int) -> None:
+        did.append(code)
+        raise SystemExit
+
+    def scan(request: DriveRequest) -> None:
+        did.append(request)
+        if did.count(request) == 3:
+            raise KeyboardInterrupt
+
+    stand_in = SimpleNamespace(open=lambda *_: 9, devnull="", O_WRONLY=1, dup2=lambda a, b: None, _exit=leave)
+    monkeypatch.setattr(controller_death, "os", stand_in)
+    link = SimpleNamespace(log_nothing=lambda: did.append("no log"))
+    axis: Any = SimpleNamespace(
+        drive=SimpleNamespace(link=link), hear_nobody=lambda: did.append("deaf"),
+        begin_time=lambda: did.append("in time"), scan=scan,
+    )  # fmt: skip
+    with pytest.raises(SystemExit):
+        controller_death._run_on(axis)
+    assert did == ["no log", "deaf", "in time", *[DriveRequest.ENABLE] * 3, 1]
