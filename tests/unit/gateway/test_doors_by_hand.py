@@ -14,6 +14,7 @@ import uvicorn
 from starlette.requests import Request
 from starlette.websockets import WebSocket
 
+from gantryctl.errors import StateError
 from gantryctl.gateway import access as access_module
 from gantryctl.gateway import peers
 from gantryctl.gateway.access import COOKIE, Access
@@ -27,6 +28,7 @@ from gantryctl.gateway.traces import Traces
 from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Action, Role
 from gantryctl.service.supervisor.users import Users
 
@@ -89,6 +91,7 @@ def test_a_route_asks_for_its_role(
     ("headers", "status"),
     [
         ([JSON], None), ([JSON, (b"origin", b"http://127.0.0.1:1")], None),
+        ([JSON, (b"origin", b"HTTP://LOCALHOST:1")], None),
         ([JSON, (b"origin", b"http://evil.example")], 403), ([JSON, (b"origin", b"null")], 403),
         ([(b"content-type", b"text/plain")], 400), ([], 400),
         ([(b"content-type", b"application/x-www-form-urlencoded")], 400),
@@ -146,6 +149,81 @@ def test_a_right_password_forgets_the_wrong_ones(access: Access) -> None:
 
     found = asyncio.run(tries())
     assert found == [*[401] * (FAILURES - 1), 200] * 2
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_a_login_is_of_its_peer_and_its_account_is_cut(
+    access: Access, monkeypatch: pytest.MonkeyPatch, right: bool
+) -> None:
+    """Limits know a network of IPv6 by its first 64 bits; 64 letters of a name are enough for the journal."""
+    told: list[Any] = []
+    user = access.users.all()["viewer"]
+
+    async def check(name: str, password: str) -> Any:
+        return user if right else None
+
+    monkeypatch.setattr(access, "_check", check)
+    monkeypatch.setattr(
+        access.hub.events, "put", lambda kind, text, who, **more: told.append((text, who.user, more))
+    )
+    asked = {**scope("POST"), "client": ("2001:db8::7", 1)}
+    asyncio.run(access.log_in(Request(asked), "v" * 100, "guess"))
+    if right:
+        (session,) = access.sessions._sessions.values()
+        assert session.peer == "2001:db8::/64"
+        assert told == [("logged in", "viewer", {"address": "2001:db8::7"})]
+    else:
+        assert list(access.locks._failures) == [("v" * 64, "2001:db8::/64")]
+        assert told == [("refused: wrong name or password, 1 times", "v" * 64, {"address": "2001:db8::7"})]
+
+
+def test_a_damaged_users_file_counts_as_no_guess(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(name: str, password: str) -> Any:
+        raise StateError("damaged")
+
+    monkeypatch.setattr(access, "_check", check)
+    assert asyncio.run(access.log_in(Request(scope("POST")), "viewer", PASSWORD)).status_code == 503
+    assert not access.locks._failures
+
+
+@pytest.mark.parametrize("place", ["console", "remote"])
+def test_who_is_refused_stands_in_the_journal_with_the_place(
+    access: Access, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    told: list[Any] = []
+    monkeypatch.setattr(access, "place", lambda _: place)
+    monkeypatch.setattr(access.hub.refusals, "put_text", lambda who, *what: told.append((who, *what[:2])))
+    access.refuse(
+        Request(scope(path="/api/v1/traces", headers=[cookie_of(access, Role.VIEWER)])), Action.TRACES
+    )
+    assert told == [(Identity("", "viewer", Role.VIEWER, place), "read", "GET /api/v1/traces")]
+
+
+def test_who_logs_in_again_in_one_browser_ends_the_session_before(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    user = access.users.all()["viewer"]
+
+    async def check(name: str, password: str) -> Any:
+        return user
+
+    monkeypatch.setattr(access, "_check", check)
+    cookie = cookie_of(access, Role.OPERATOR)
+    before = access.session(Request(scope(headers=[cookie])))
+    assert before is not None
+    asyncio.run(access.log_in(Request(scope("POST", headers=[cookie])), "viewer", PASSWORD))
+    assert not access.sessions.lives(before)
+    assert len(access.sessions._sessions) == 1
+
+
+def test_a_link_is_used_up_by_its_browser_alone(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever carries it here from afar leaves it to the one it was made for."""
+    taken: list[str] = []
+    monkeypatch.setattr(access.links, "take", lambda token, uid: not taken.append(token))
+    for uid, status in ((None, 403), (1000, 303)):
+        monkeypatch.setattr(access_module, "local_user", lambda _, uid=uid: uid)
+        assert access.open_console(Request(scope()), "0" * 16).status_code == status
+    assert taken == ["0" * 16]
 
 
 def test_a_forwarded_browser_is_at_no_console(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
