@@ -63,7 +63,7 @@ test: setup lint types layers test-core page-check site pytest
 	.venv/bin/python -m pytest --collect-only -qq -p no:xdist --ignore tests/unit > /dev/null; wait $$first; touch $@
 
 pytest: setup .venv/tests.stamp $(NODE_OPCUA)
-	.venv/bin/python -m pytest -n 4 --dist worksteal
+	.venv/bin/python -m pytest -n 4 --dist loadfile  # by tests/support/in_files.py
 
 test-slow: setup .venv/dist.stamp $(NODE_OPCUA) hmi/node_modules/.package-lock.json
 	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang

@@ -72,9 +72,33 @@ def pytest_unconfigure() -> None:
     gc.unfreeze()
 
 
+LONGEST = (
+    "system/test_vcan.py",
+    "system/page/",
+    "system/test_brake_test_service.py",
+    "system/test_readme.py",
+    "faults/test_reactions.py",
+    "comparison/test_drift.py",
+)
+"""What takes half a minute to two goes first: at the end one worker would run it alone."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    # By far the longest test goes first: at the end one worker would run it alone.
-    items.sort(key=lambda item: item.path.name != "test_vcan.py")
+    def turn(item: pytest.Item) -> int:
+        path = item.path.as_posix()
+        return next((turn for turn, part in enumerate(LONGEST) if part in path), len(LONGEST))
+
+    items.sort(key=turn)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object | None:
+    """Of `--dist loadfile`: whole files, some of them first, not too many services at a time."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from support.in_files import InFiles
+
+    return InFiles(config, log)
 
 
 @pytest.hookimpl(wrapper=True)

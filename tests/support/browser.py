@@ -37,6 +37,9 @@ MOVING_DEG_S = 0.05
 _PRESSES_MAX, _FRAMES_TO_MOVE = 5, 100
 _SHOWN_MS = 10_000
 """Power is on a second after the key; a busy machine may take some more."""
+_PATIENCE_MS = 60_000
+"""For a page to load and for an element to come: a computer with four workers has taken more than 30 s."""
+expect.set_options(timeout=30_000)
 _TOO_OLD = "SEC-02"
 
 
@@ -132,13 +135,19 @@ def add_cookie(context: BrowserContext, url: str, session: str) -> None:
     )
 
 
+def patient(context: BrowserContext) -> BrowserContext:
+    """The same context, whose pages wait for long: nothing is judged by how fast this computer is."""
+    context.set_default_timeout(_PATIENCE_MS)
+    return context
+
+
 def enter(
     context: BrowserContext, service: Service, role: str, area: str = "operation", *, frozen: bool = False
 ) -> Page:
     """A page of somebody who has logged in."""
     url = address(service, frozen=frozen)
     add_cookie(context, url, service.log_in(role))
-    page = context.new_page()
+    page = patient(context).new_page()
     page.goto(f"{url}#{area}")
     page.locator("[data-stale=false]").wait_for()
     return page

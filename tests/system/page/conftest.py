@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
 
-from support.browser import CHROMIUM, SIZE, Proxy, launch
+from support.browser import CHROMIUM, SIZE, Proxy, launch, patient
 from support.service_process import Page as Watcher
 from support.service_process import Service, add_users
 
@@ -60,6 +60,6 @@ def watcher(page_service: Service) -> Iterator[Watcher]:
 @pytest.fixture
 def context(browser: Browser, watcher: Watcher) -> Iterator[BrowserContext]:
     """Closed before the watcher waits for the axis to be free."""
-    made = browser.new_context(viewport=SIZE, locale="en-GB")
+    made = patient(browser.new_context(viewport=SIZE, locale="en-GB"))
     yield made
     made.close()
