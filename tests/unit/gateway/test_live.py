@@ -148,6 +148,28 @@ def test_signs_of_life_do_not_keep_a_session(access: Access) -> None:
     asyncio.run(check())
 
 
+def test_a_page_that_asks_nothing_takes_no_time_from_its_session(access: Access) -> None:
+    """Another page of the same session, or REST, was used since."""
+
+    async def check() -> None:
+        async with Page(access) as page:
+            page.client.used_s -= 0.9 * IDLE_S
+            used_s, sent = page.session.used_s, len(page.sent)
+            page.client.show()
+            while len(page.sent) == sent:
+                await asyncio.sleep(0)
+            assert page.session.used_s == used_s
+
+    asyncio.run(check())
+
+
+def test_who_comes_and_goes_stands_in_the_journal(access: Access) -> None:
+    told: list[Any] = []
+    access.hub.events.put = lambda kind, text, who, **_: told.append((kind, text, who.user))  # type: ignore[method-assign]
+    ending(access, lambda page: page.says(bytes=b"binary"))
+    assert told == [("login", "connected", "anna"), ("login", "disconnected", "anna")]
+
+
 def test_a_flood_ends_its_connection_and_an_ordinary_page_does_not(access: Access) -> None:
     def flood(count: int) -> Callable[[Page], None]:
         def send(page: Page) -> None:

@@ -14,6 +14,7 @@ import pytest
 from starlette.requests import Request
 from starlette.responses import Response
 
+from gantryctl.errors import DeviceError
 from gantryctl.gateway import rest, traces
 from gantryctl.gateway.rest import Rest
 from gantryctl.gateway.traces import Traces, _chunks
@@ -103,6 +104,128 @@ def test_curves_are_read_one_question_at_a_time_and_leave_no_file_open(
     assert reader.wanted == ([] if busy else [("one", 200, 900)])
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.fstat(handle)
+
+
+def read_by_anna(made: Rest) -> list[Any]:
+    """What the journal gets of it."""
+    told: list[Any] = []
+    made._access.session = lambda _: SimpleNamespace(user="anna", role=Role.SERVICE)  # type: ignore[method-assign, assignment, return-value]
+    made._access.place = lambda _: "console"  # type: ignore[method-assign]
+    made._hub.events = SimpleNamespace(put=lambda *what: told.append(what))  # type: ignore[assignment]
+    return told
+
+
+ANNA = Identity("", "anna", Role.SERVICE, "console")
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"), [(b"[]", [("read", "recording one was read", ANNA)]), (None, [])]
+)
+def test_who_looks_at_a_recording_stands_in_the_journal(
+    tmp_path: Path, answer: bytes | None, told: list[Any]
+) -> None:
+    made = routes(tmp_path)
+    said = read_by_anna(made)
+    made._recorded = Recorded(busy=False, answer=answer)  # type: ignore[assignment]
+    made._files.handle = lambda wanted: ("one", 4, os.open(tmp_path, os.O_RDONLY))  # type: ignore[method-assign]
+    asked(made._columns, "from=200&to=900", id="x")
+    assert said == told
+
+
+def test_the_journal_is_read_behind_a_number_and_that_stands_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """10,000 lines at the most, each with number and hash."""
+    wanted: list[Any] = []
+
+    def read(*what: object) -> list[Entry]:
+        wanted.append(what)
+        return [Entry(6, {"text": "moved"}, "ab"), Entry(7, {"text": "stopped"}, "cd")]
+
+    monkeypatch.setattr(rest, "read_journal", read)
+    made = routes(tmp_path)
+    said = read_by_anna(made)
+    scope = {
+        "type": "http",
+        "method": "GET",
+        "path": "/",
+        "query_string": b"from=5&limit=20000",
+        "headers": [],
+    }
+    answer = asyncio.run(made._journal(Request(scope)))
+    assert wanted == [(tmp_path, 5, 10_000)]
+    assert [json.loads(line) for line in bytes(answer.body).splitlines()] == [
+        {"seq": 6, "text": "moved", "hash": "ab"}, {"seq": 7, "text": "stopped", "hash": "cd"},
+    ]  # fmt: skip
+    assert said == [("read", "journal was read from 5", ANNA)]
+
+
+def test_a_journal_that_cannot_be_read_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read(*_: object, **__: object) -> None:
+        raise DeviceError("it is damaged")
+
+    monkeypatch.setattr(rest, "read_journal", read)
+    for handler in (routes(tmp_path)._journal, routes(tmp_path)._notes):
+        status, said = asked(handler)
+        assert (status, said["error"]["code"]) == (503, "JRN-02")
+        assert "it is damaged" in said["error"]["text"]
+
+
+def test_alarms_that_are_there_are_no_history(tmp_path: Path) -> None:
+    made = routes(tmp_path)
+    tags = {"alarms": ["now"], "alarm_history": ["before"]}
+    made._hub.status = lambda: {"tags": tags}  # type: ignore[method-assign]
+    assert asked(made._alarms) == (200, {"active": ["now"], "history": ["before"]})
+    tags.clear()
+    assert asked(made._alarms) == (200, {"active": [], "history": []})
+
+
+@pytest.mark.parametrize(("fresh", "said"), [(True, "ok"), (False, "silent")])
+def test_a_controller_without_news_is_silent(tmp_path: Path, fresh: bool, said: str) -> None:
+    made = routes(tmp_path)
+    made._hub.fresh = fresh  # type: ignore[misc]
+    assert asked(made._health) == (200, {"controller": said})
+
+
+@pytest.mark.parametrize("shown", [None, {"machine": "m"}])
+def test_without_a_commissioning_there_is_none(tmp_path: Path, shown: Any) -> None:
+    made = routes(tmp_path)
+    made._hub.commissioning = lambda: shown  # type: ignore[method-assign]
+    status, found = asked(made._commissioning)
+    assert (status, found if shown else found["error"]["code"]) == (
+        (200, shown) if shown else (404, "CTL-14")
+    )
+
+
+def test_a_recording_that_is_not_there_is_not_found(tmp_path: Path) -> None:
+    made = routes(tmp_path)
+    for handler in (made._trace, made._columns):
+        status, found = asked(handler, id="x")
+        assert (status, found["error"]["code"]) == (404, "SEC-12")
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        (b'{"user": "anna", "password": "p"}', 200), (b'{"user": "anna", "password": "p", "role": "service"}', 400),
+        (b'{"user": "anna"}', 400), (b'{"user": 7, "password": "p"}', 400), (b'{"user": "anna", "password": 7}', 400),
+        (b"[]", 400), (b"{", 400),
+    ],
+)  # fmt: skip
+def test_a_login_has_a_name_and_a_password_and_nothing_else(tmp_path: Path, body: bytes, status: int) -> None:
+    made, logged_in = routes(tmp_path), list[tuple[str, str]]()
+
+    async def log_in(request: Request, name: str, password: str) -> Response:
+        logged_in.append((name, password))
+        return Response("{}")
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": body}
+
+    made._access.log_in = log_in  # type: ignore[method-assign]
+    answer = asyncio.run(made._login(Request({"type": "http", "method": "POST", "headers": []}, receive)))
+    assert answer.status_code == status
+    assert logged_in == ([("anna", "p")] if status == 200 else [])
 
 
 def test_who_is_at_the_page_is_told_with_role_and_place_in_the_order_of_names(tmp_path: Path) -> None:
