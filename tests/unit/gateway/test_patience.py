@@ -84,7 +84,7 @@ def test_a_connection_that_ends_gives_its_place_back_once(given: list[Place]) ->
 
 
 def test_drops_of_a_request_do_not_make_a_connection_less_idle(given: list[Place]) -> None:
-    """Who has been idle for longest makes room: since it came until its request is whole, and again behind its answer."""
+    """Who has been idle for longest makes room: from when it came until its request is whole, and behind its answer."""
 
     async def check(made: PatientProtocol, wire: Wire, place: Place) -> None:
         assert place.idle == 7

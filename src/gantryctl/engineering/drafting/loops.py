@@ -70,7 +70,8 @@ def _compensation(basis: Basis) -> Values:
             significant(min(0.5, 0.5 * required)), "half the required angle"
         ),
         f"{at}.windup.reversal_length_deg": computed(
-            significant(min(0.5, max(1e-4, 0.1 * required))), "a tenth of the required angle"
+            significant(min(0.05, max(1e-4, 0.4**3 / 6.0 * basis.sheet.motion.acc_deg_s2 / mode**2))),
+            "way of the first two fifths of an acceleration ramp: then the flank of the gears may change",
         ),
         f"{at}.load_encoder.integral_per_s": computed(
             significant(min(10.0, max(0.01, 0.5 * mode))), "half the first mode: what stands, not what swings"

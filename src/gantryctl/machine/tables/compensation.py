@@ -51,8 +51,10 @@ class WindupTable(Table):
 
     active: bool = switch(False, "Wind-up under eccentric moment and acceleration; jerk-limited only.")
     reversal: bool = switch(False, "Lost motion of friction and backlash, by the last direction.")
-    # Not a step: a step of the correction would be a jump of the speed command.
-    reversal_length_deg: float = number(0.01, 1e-6, 0.5, "Way over which the direction turns round.")
+    # Not a step, which would be a jump of the speed command. No longer either: friction turns round as the load begins
+    # to move, and at 90 deg the ramp changes the flank after 0.15 s, 0.001 deg on: with 0.01 deg nothing drove the load
+    # for as long again, and it swung by 0.023 deg/s.
+    reversal_length_deg: float = number(0.002, 1e-6, 0.05, "Way over which the direction turns round.")
 
 
 class LoadEncoderLoopTable(Table):
