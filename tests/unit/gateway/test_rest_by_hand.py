@@ -64,6 +64,8 @@ def test_samples_are_answered_twenty_times_a_second_to_all_scopes_together(tmp_p
     found = [asked(made._samples, "from=5&limit=7") for _ in range(22)]
     assert [status for status, _ in found] == [200] * 20 + [429] * 2
     assert found[0][1] == {"first": 5, "limit": 7}
+    # Who asks without a number waits for news, and gets no old rows.
+    assert asked(routes(tmp_path)._samples)[1]["first"] == 999_999_999_999
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from gantryctl.gateway import sessions
 from gantryctl.gateway.sessions import (
     FAILURES,
     IDLE_S,
@@ -151,6 +154,15 @@ def test_a_flood_of_names_frees_nobody_who_guessed_a_moment_ago() -> None:
             locks.failed("kept", "here")
     assert locks.wait_s("old", "here") == 0.0
     assert locks.wait_s("kept", "here") == 2.0
+
+
+def test_who_guesses_again_is_remembered_from_then_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three are remembered: of anna, bert, anna again, carl and dora it is bert who is forgotten."""
+    monkeypatch.setattr(sessions, "_REMEMBERED", 3)
+    locks = LockOut()
+    for name in ("anna", "bert", "anna", "carl", "dora"):
+        locks.failed(name, "here")
+    assert [locks.failed(name, "here") for name in ("anna", "bert")] == [3, 1]
 
 
 def test_the_rate_limit_gives_its_reserve_then_its_rate_to_each_address() -> None:
