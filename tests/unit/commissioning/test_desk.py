@@ -201,6 +201,12 @@ def test_who_takes_control_again_ends_no_step_of_hers(room: Room) -> None:
     assert not room.desk.halt.asked()
 
 
+def test_a_stop_with_no_step_stops_none(room: Room) -> None:
+    """The next one begins as if nobody had asked."""
+    assert room.ask(VIEWER, "stop") == ""
+    assert not room.desk.halt.asked()
+
+
 def test_the_journal_says_why_a_step_was_stopped(room: Room) -> None:
     told: list[str] = []
     put = room.desk.events.put

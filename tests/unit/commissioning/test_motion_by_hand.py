@@ -61,8 +61,8 @@ class Moves:
 
         monkeypatch.setattr(steps_motion, "_recorded_run", recorded)
 
-    def observe(self, look: object) -> None:
-        pass
+    def observe(self, look: Any) -> None:
+        self.look = look
 
     def move(self, *target: float) -> None:
         self.told.append(target)
@@ -138,6 +138,18 @@ def test_a_picture_of_a_run_shows_its_way_from_where_it_began() -> None:
     assert steps_motion._samples(Rows(time_s=[])) == []  # type: ignore[arg-type]
 
 
+def test_the_slow_turn_is_watched_and_both_encoders_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    moves, seen = turned(monkeypatch), list[object]()
+    monkeypatch.setattr(
+        steps_motion, "BothEncoders", lambda _: SimpleNamespace(look=lambda: seen.append("both"))
+    )
+    c = context()
+    monkeypatch.setattr(c.watch, "observer", lambda: seen.append)
+    steps_motion.slow_turn(c)
+    moves.look("a picture")
+    assert seen == ["a picture", "both"]
+
+
 @pytest.mark.parametrize(("most_deg", "whole"), [(150.0, True), (149.9, False)])
 def test_less_than_300_deg_tell_no_moment(
     monkeypatch: pytest.MonkeyPatch, most_deg: float, whole: bool
@@ -174,4 +186,5 @@ def test_a_drive_that_takes_no_torque_is_not_pushed(step: Any) -> None:
     held = {"plus_nm": Figure(70.0), "minus_nm": Figure(-70.0)}
     found = step(steps_lacks, "torque", drive, brake=StepResult("brake", Outcome.PASSED, "", held))
     assert found.outcome is Outcome.NOT_TESTABLE
+    assert "60B2" in found.proof
     assert not drive.wrote

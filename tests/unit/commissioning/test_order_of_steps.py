@@ -80,6 +80,7 @@ def test_the_ceiling_of_the_speed_is_seen_in_its_second_half_and_left_at_rest(
     drive.spoil = spoil
     assert steps_sign._at_ceiling(context()) == pytest.approx(1.0)
     assert drive.sdo.values[0x6080] == 15
+    assert drive.leashes == [(0.05, False)]
     assert told(drive) == [UP, ("turns", 100), ("stands", 125), *DOWN]
 
 

@@ -366,7 +366,7 @@ def test_a_machine_with_an_open_row_is_not_complete(
     work.progress = replace(work.progress, results=ALL_PASSED)
     for rows in ((), (SimpleNamespace(text="open"),)):
         monkeypatch.setattr(commissioning_run, "unproven", lambda ledger, rows=rows: rows)
-        assert work.complete is not bool(rows)
+        assert work.complete is (not rows)
 
 
 def test_other_gains_take_away_the_record_and_every_proof_from_the_sign_on(

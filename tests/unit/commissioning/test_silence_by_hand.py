@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from types import SimpleNamespace
 from typing import Any
@@ -144,6 +145,7 @@ def test_commands_go_on_while_the_heartbeat_alone_is_silent() -> None:
     drive.write = till_the_fault  # type: ignore[method-assign]
     seen = silent(drive, axis, speed_deg_s=0.6)
     assert (seen.stopped, seen.stopped_s) == (True, pytest.approx(6 * PERIOD_S))
+    assert {output.torque_ff_nm for output in drive.wrote} == {0.0}
     assert {(output.request, output.brake_open, round(axis.motor_rad_s(0.6) - output.vel_cmd_rad_s, 9))
             for output in drive.wrote} == {(DriveRequest.ENABLE, True, 0.0)}  # fmt: skip
     assert not drive.silent_process_data
@@ -204,6 +206,29 @@ def test_where_no_sync_goes_out_the_link_listens_for_a_scan_itself(looks: bool) 
 def test_only_a_process_apart_from_its_drive_can_be_killed(interface: str, clock: bool, can: bool) -> None:
     machine: Any = SimpleNamespace(paced_by_clock=clock, can=SimpleNamespace(interface=interface))
     assert controller_death.can_be_killed(machine) is can
+
+
+def test_a_copy_is_killed_as_soon_as_a_person_stops_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    stand_in = SimpleNamespace(
+        fork=lambda: 77, WNOHANG=1, waitpid=lambda *_: (0, 0), kill=lambda *_: slept.append(math.inf)
+    )
+    monkeypatch.setattr(controller_death, "os", stand_in)
+    clock = SimpleNamespace(monotonic=lambda: 50.0 + sum(slept), sleep=slept.append)
+    monkeypatch.setattr(controller_death, "time", clock)
+    link = SimpleNamespace(take_over=lambda: None)
+    axis: Any = SimpleNamespace(halted=True, drive=SimpleNamespace(link=link))
+    controller_death.kill_controller(axis)
+    assert slept == [math.inf]
+
+
+@pytest.mark.parametrize(("brake_open", "words"), [(True, "brake open"), (False, "brake closed")])
+def test_a_silence_is_told_with_its_brake(brake_open: bool, words: str) -> None:
+    seen = silence.SilentDrive(stopped_s=0.05, state=S.FAULT, brake_open=brake_open, way_deg=0.01)
+    assert (
+        steps_silence._told(seen)
+        == f"left operation enabled after 50 ms (no EMCY), moved 0.0100 deg, fault, {words}"
+    )
 
 
 @pytest.mark.parametrize("ended", [0, 77])
