@@ -375,9 +375,10 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Monitors: Rules(
         part="_oscillation _torque_watch drag",
-        when=lambda _, roots: roots.axis.virtual.following,
+        # A speed off its command is judged on in a stop.
+        when=lambda monitors, roots: roots.axis.virtual.following or monitors._deviation_count > 0,
         same="_at_rest _in_window in_position not_in_position",
-        number="_error_at_saturation _over_travel_minus _over_travel_plus",
+        number="_commanded _error_at_saturation _over_travel_minus _over_travel_plus",
         count="_brake _deviation_count _dwell _following _overspeed _saturation _standstill rest_scans",
         fixed="_alarms _band_base _band_per_speed _brake_scans _deviation _deviation_scans _dwell_scans _feedback "
         "_following_scans _holding _lead_s _look_ahead _overspeed_scans _period_s _ratio _saturation_scans "

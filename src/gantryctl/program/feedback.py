@@ -42,6 +42,7 @@ _LINK_CODES: Final[tuple[tuple[LinkFlag, Code, Words | None], ...]] = (
     (LinkFlag.WRONG_LENGTH, Code.CAN_04, None),
     (LinkFlag.SYNC_UNSEEN, Code.CAN_01, None),
 )
+_TOO_LATE: Final = frozenset({Code.CAN_03, Code.CAN_07})
 _COMPLAINTS: Final = (
     LinkFlag.NEVER_FOLLOWED
     | LinkFlag.SYNC_JITTER
@@ -253,9 +254,11 @@ class Feedback:
         """Raise `code`, torque off: the axis does not go where it is told to.
 
         Its torque tells whether the drive or the sign of the reading is wrong (`Liveness.drive_against`). Where that is
-        older than the speed nothing does, and the angle is not known.
+        older than the speed nothing does, and the angle is not known. Telegrams that were too late in this stop may
+        come late still: none carries its time.
         """
-        self.in_doubt = self.in_doubt or self.age > 0
+        late = self.age > 0 or not _TOO_LATE.isdisjoint(self._alarms.active)
+        self.in_doubt = self.in_doubt or late
         self._alarms.raise_(code, Reaction.TORQUE_OFF, **values)
 
     def where(self, pos_rad: float) -> Said | Words:

@@ -99,6 +99,36 @@ def test_a_drive_half_a_degree_per_second_off_its_command_does_not_obey(period_s
 @BOTH
 @PERIODS
 @pytest.mark.parametrize(
+    ("released_deg_s", "told"), [(3.51, True), (3.49, False), (1.2, False), (-0.49, False), (-0.51, True)]
+)
+def test_a_drive_off_its_command_has_no_more_time_in_a_stop_and_one_on_its_ramp_obeys(
+    period_s, way, released_deg_s, told
+):
+    """3 deg/s were commanded, and 3.6 were there in the last scan before the stop: between 3 and rest is its ramp."""
+    parts = Parts(period_s)
+    watch = monitors_of(parts, way * 3.0)
+    parts.feedback.torque_nm = 20.0
+    one_scan(parts, watch, off_deg_s=way * 0.6)()
+    parts.feedback.vel_rad_s = way * rad(released_deg_s)
+    seconds = parts.after(lambda: watch.scan_released(0.0), lambda: "CTL-05" in parts.codes, 0.045)
+    assert seconds == (approx(in_scans(0.020, period_s) - period_s) if told else math.inf)
+    if told:
+        assert parts.reaction("CTL-05") is Reaction.TORQUE_OFF
+
+
+def test_a_drive_without_torque_has_no_ramp_to_leave():
+    parts = Parts()
+    watch = monitors_of(parts, 3.0)
+    one_scan(parts, watch, off_deg_s=0.6)()
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    parts.feedback.vel_rad_s = rad(3.6)
+    parts.after(lambda: watch.scan_released(0.0), most_s=0.045)
+    assert parts.codes == []
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
     ("speed_deg_s", "reaction"),
     [(6.59, None), (6.61, Reaction.QUICK_STOP), (7.19, Reaction.QUICK_STOP), (7.21, Reaction.TORQUE_OFF)],
 )

@@ -168,7 +168,7 @@ class _Run:
             # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
             axis.controller_held(bench.machine.can.watchdog_ms * 1e-3)
         axis.fault_injected(
-            feedback=effect.feedback, at_once=effect.at_once, brake=effect.brake, late_s=effect.late_s
+            feedback=effect.feedback, at_once=effect.at_once, no_ramp=effect.no_ramp, late_s=effect.late_s
         )
 
     def _tell_alarms(self) -> None:

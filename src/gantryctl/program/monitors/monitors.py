@@ -39,6 +39,7 @@ class Monitors:
         "_band_per_speed",
         "_brake",
         "_brake_scans",
+        "_commanded",
         "_deviation",
         "_deviation_count",
         "_deviation_scans",
@@ -124,7 +125,7 @@ class Monitors:
         """Forget all counts."""
         self._following = self._deviation_count = self._overspeed = self._saturation = self._brake = 0
         self._standstill = self._dwell = self.rest_scans = 0
-        self._error_at_saturation = 0.0
+        self._error_at_saturation = self._commanded = 0.0
         self._torque_watch.begin()
         self.drag.begin()
         self._in_window = self._at_rest = False
@@ -186,12 +187,14 @@ class Monitors:
             self._brake = 0
 
     def scan_released(self, pos_rad: float) -> None:
-        """Judge a scan in which the axis does not follow: invalid readings only."""
+        """Judge a scan in which the axis does not follow: invalid readings, and a speed that was off its command."""
         feedback = self._feedback
         torque_max = self._torque_max
         if not -torque_max <= feedback.torque_nm <= torque_max:
             self._invalid(Words.TORQUE_READING)
         self._torque_watch.scan_released()
+        if self._deviation_count:
+            self._released_in_deviation(feedback.vel_rad_s)
         self._arm_over_travel(pos_rad)
 
     def _arm_over_travel(self, pos_rad: float) -> None:
@@ -251,6 +254,7 @@ class Monitors:
     def _velocity_deviation(self, vel: float, command: float) -> None:
         """A drive at its torque limit may be slow in the right direction; everything else is disobedience (B5)."""
         self._deviation_count = self._feedback.lasting(self._deviation_count)
+        self._commanded = command
         if self._deviation_count < self._deviation_scans:
             return
         # With the sign inverted in the drive a quick stop accelerates: beyond 18 000 deg on a rigid model (B5).
@@ -258,6 +262,17 @@ class Monitors:
         if not lags:
             limit = deg(self._deviation)
             self._feedback.disobeyed(Code.CTL_05, measured=deg(vel), command=deg(command), limit=limit)
+
+    def _released_in_deviation(self, vel: float) -> None:
+        """A stop for another cause forgives nothing: on its ramp a sound drive is between the last command and rest.
+
+        Judged by its ramp alone, from the speed of a runaway, a wrong sign was told after 200 ms in place of 20.
+        """
+        low, high = min(0.0, self._commanded), max(0.0, self._commanded)
+        if low - self._deviation <= vel <= high + self._deviation or not self._feedback.energised:
+            self._deviation_count = 0
+        else:
+            self._velocity_deviation(vel, self._commanded)
 
     def _too_fast(self, vel: float) -> None:
         self._overspeed = self._feedback.lasting(self._overspeed)

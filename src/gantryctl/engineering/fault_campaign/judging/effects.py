@@ -18,13 +18,13 @@ class Effect(NamedTuple):
     Attributes:
         feedback: the reading is in doubt, or what the drive does with it.
         at_once: it acts now, so the way to rest counts from now; else from the alarm.
-        brake: a quick stop has no ramp.
+        no_ramp: a quick stop has none.
         late_s: the axis goes on for so long before it shows.
     """
 
     feedback: bool = False
     at_once: bool = False
-    brake: bool = False
+    no_ramp: bool = False
     late_s: float = 0.0
 
 
@@ -62,10 +62,10 @@ def effect_of(each: Injection) -> Effect:
         case (Place.DRIVE, "quick_stop_off"):
             return Effect(feedback=True)
         case (Place.DRIVE, "no_torque" | "torque_limit") | (Place.BRAKE, "torque" | "slow"):
-            return Effect(brake=True)
+            return Effect(no_ramp=True)
         case (Place.BRAKE, "stuck"):
             closes = values["position"] == "closed"
-            return Effect(brake=True, at_once=closes, late_s=BRAKE_BEGINS_S if closes else 0.0)
+            return Effect(no_ramp=True, at_once=closes, late_s=BRAKE_BEGINS_S if closes else 0.0)
         case _:
             # Seen within its own time, which the alarm tells: the way counts from there.
             return _NOTHING

@@ -116,7 +116,7 @@ class AxisOracle:
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._held: HeldUp | None = None
-        self._disobeys = self._brake_fault = self._creeps = self._pulls_away = False
+        self._disobeys = self._no_ramp = self._creeps = self._pulls_away = False
         self._late_s = self.brake_late_s = self.reading_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
@@ -182,21 +182,22 @@ class AxisOracle:
             self._found(Violation(invariant, self.ms * 1e-3, text))
 
     def fault_injected(
-        self, *, feedback: bool, at_once: bool, brake: bool = False, late_s: float = 0.0
+        self, *, feedback: bool, at_once: bool, no_ramp: bool = False, late_s: float = 0.0
     ) -> None:
         """A test spoils something now; a cause that lasts keeps its first onset.
 
         Args:
             feedback: the reading is in doubt, or what the drive does with it.
-            brake: a quick stop has no ramp: a brake in the way, or too little torque. Class torque off.
+            no_ramp: a brake or too little torque takes its ramp from a quick stop, which has the class torque off.
             at_once: it acts now; else only when something else happens, a quick stop for one.
             late_s: the axis goes on for so long before it shows.
         """
         self._late_s = max(self._late_s, late_s)
         onset = self._onset
         self._disobeys = self._disobeys or (feedback and not at_once)
-        self._pulls_away = self._pulls_away or feedback or brake
-        self._brake_fault = self._brake_fault or brake
+        self._no_ramp = self._no_ramp or no_ramp
+        # Either may take the load away, and the position loop answers.
+        self._pulls_away = self._pulls_away or feedback or no_ramp
         old = onset is None or self.ms - onset.ms > _CAUSE_MS
         if at_once and (old or (feedback and not self._onset_of_feedback)):
             self._onset, self._onset_of_feedback = self._now(), feedback
@@ -394,7 +395,7 @@ class AxisOracle:
             kind = StopClass.FEEDBACK
         else:
             # What is told as a quick stop when the torque is off already has no ramp.
-            quick = first.reaction is _STOPS and self.energised and not self._brake_fault
+            quick = first.reaction is _STOPS and self.energised and not self._no_ramp
             kind = StopClass.QUICK if quick else StopClass.TORQUE_OFF
         now = self._now()
         recent = onset is not None and self.ms - onset.ms < _CAUSE_MS

@@ -223,7 +223,7 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
                 axis.fault_injected(
                     feedback=name in _FEEDBACK,
                     at_once=name not in _LATER,
-                    brake=name.startswith("brake") or name in ("torque_limit_share", "no_torque"),
+                    no_ramp=name.startswith("brake") or name in ("torque_limit_share", "no_torque"),
                     late_s=limits.BRAKE_BEGINS_S if value == "closed" else 0.0,
                 )
 
