@@ -128,6 +128,17 @@ def test_torque_whose_end_nobody_saw_has_no_time(unknown):
     assert (W.TORQUE_OFF_AFTER in stop.steps) is not unknown
 
 
+@pytest.mark.parametrize(("periods", "seen"), [([1, 3], False), ([1, 4], True), ([100, 1], False)])
+def test_what_ended_while_the_controller_stood_still_has_no_time(periods, seen):
+    """Three scans are what a time may be late by; what is still on after the gap is seen to end."""
+    stop = Stop()
+    stop.scan(1, periods=periods[0])
+    stop.scan(300, periods=periods[1], state=OFF, brake_open=False, deg_s=0.0)
+    stop.scan(301, over=True, periods=1)
+    assert (W.TORQUE_OFF_SEEN in stop.steps) is (W.BRAKE_CLOSED_SEEN in stop.steps) is seen
+    assert (W.TORQUE_OFF_AFTER in stop.steps) is (W.BRAKE_CLOSED_AFTER in stop.steps) is not seen
+
+
 @pytest.mark.parametrize(
     ("spoilt", "known"),
     [({}, True), ({"in_doubt": True}, False), ({"_old": True}, False)],

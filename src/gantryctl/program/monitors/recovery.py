@@ -31,6 +31,8 @@ _CONTACT_LIED: Final = (Code.BRK_06, Code.BRK_14)
 _CONTACT_S: Final = 0.05
 # From the last speed to a reading that stands: a scan in part, and one for the speed that is told.
 _STANDS_SCANS: Final = 3
+# More scans missed than the time of something that is seen may be late by.
+_SEEN_SCANS: Final = 3
 # One object: what shows the alarm notices a change by identity.
 _UNCONFIRMED: Final = (Words.STOP_UNCONFIRMED,)
 
@@ -63,18 +65,22 @@ class StopRecord:
 
     def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
         """Record one scan; `falling`: the stop is still under way."""
+        # Nobody looked while the controller stood still: what it finds then has come at any time of it.
+        held_up = feedback.periods > _SEEN_SCANS
         if self._brake_scan < 0:
             # A contact that was not heard, or was wrong, in between shows that the brake is closed, not since when.
             lied = any(code in self._log.active for code in _CONTACT_LIED)
             self._brake_unseen = self._brake_unseen or lied or not feedback.brake_known
             if not feedback.brake_open and feedback.brake_known:
                 self._brake_scan = scan
+                self._brake_unseen = self._brake_unseen or held_up
         if self._torque_scan < 0:
             # A state that was not known in between shows that the torque is off, not since when.
             self._torque_unseen = self._torque_unseen or feedback.state is DriveState.UNKNOWN
             self._switching_on = self._switching_on and feedback.state in _PERHAPS_ENABLED
             if not (feedback.energised or self._switching_on):
                 self._torque_scan = scan
+                self._torque_unseen = self._torque_unseen or held_up
         turning = not feedback.slow
         self._turning_rad_s = feedback.vel_rad_s if turning and feedback.speed_known else 0.0
         self._turned = self._turned or bool(self._turning_rad_s)
