@@ -44,5 +44,8 @@ def test_the_same_readings_pass_and_fail_by_the_requirement(
     assert result.outcome is outcome
     assert "required by hust_gantry (tender 4711)" in result.proof
     assert result.figures["a_deg"].high == pytest.approx(angle_deg / 1.4)
-    assert "by tracker (certificate D-K-4711)" in result.proof
+    # A virtual gantry is watched by a simulated instrument, whatever its name.
+    assert "by tracker (certificate D-K-4711), simulated" in result.proof
+    # Two readings of 0.00001 deg make a chord: the root of two, and twice that.
+    assert result.number("chord_expanded_uncertainty_deg") == pytest.approx(2.828e-5, rel=1e-3)
     assert "D-K-4711" in (tmp_path / "accuracy" / "report.html").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from gantryctl.commissioning.load_side import chord_test
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.commissioning.run import Step
 from gantryctl.commissioning.watch import StepStopped
-from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.errors import AlarmStop, ConfigError, DeviceError
 from gantryctl.service.memory.memory import Word
 
 pytestmark = pytest.mark.can
@@ -140,6 +140,35 @@ def test_the_record_is_written_when_all_is_proven_and_the_report_of_what_was_sho
     monkeypatch.setattr(process, "write_report", lambda *_: wrote.append("report"))
     made._keep()
     assert wrote == ([*(["record"] if complete else []), "report"] if results else [])
+
+
+@pytest.mark.parametrize("hashed", ["as it was", "another"])
+def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissioned(
+    monkeypatch: pytest.MonkeyPatch, hashed: str
+) -> None:
+    """The service shows the limits of the file that it has read."""
+    ran: list[object] = []
+    memory = SimpleNamespace(words={Word.SUPERVISOR: 1}, frames=None)
+    stand_ins = {
+        "SharedMemory": lambda _: memory, "die_with_parent": lambda _: None, "need": lambda _: None,
+        "load_machine": lambda path: path, "config_hash": lambda _: hashed, "signal": SimpleNamespace(
+            SIGTERM=1, SIGINT=2, SIGHUP=3, signal=lambda *_: None
+        ),
+        "StateStore": lambda *_: nullcontext("store"), "logged_links": lambda _: nullcontext(),
+        "RingFrames": lambda _: None,
+        "Session": lambda *_, second_person: SimpleNamespace(run=lambda: ran.append(second_person) or 0),
+    }  # fmt: skip
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(process, name, stand_in)
+    arguments = ["7", "a.toml", "as it was", "root", process.SECOND_PERSON]
+    if hashed == "another":
+        with pytest.raises(ConfigError, match="has changed since the service was started"):
+            process.main(arguments)
+        assert ran == []
+    else:
+        assert process.main(arguments) == 0
+        process.main(arguments[:-1])
+        assert ran == [True, False]
 
 
 # --- the chord test as a step -----------------------------------------------------------------------------------------
