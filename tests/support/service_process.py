@@ -138,6 +138,21 @@ class Service:
                 return int(line.split()[0])
         raise AssertionError(f"no {name} in:\n{found.stdout}")
 
+    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """One command line to its end, as a process of its own that finds this service."""
+        return subprocess.run(**self._line(arguments), timeout=60, check=False)
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        """The same, begun."""
+        return subprocess.Popen(**self._line(arguments))
+
+    def _line(self, arguments: tuple[str, ...]) -> dict[str, Any]:
+        return {
+            "args": [sys.executable, "-m", "gantryctl", *arguments],
+            "env": {**os.environ, "GANTRYCTL_STATE": str(self.root)},
+            "stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True,
+        }  # fmt: skip
+
     def request(
         self, method: str, path: str, body: object = None, cookie: str = "", **headers: str
     ) -> tuple[int, bytes, dict[str, str]]:

@@ -1,26 +1,20 @@
-"""The brake test of the service with real processes: two steps, one person or two, and what ends it."""
+"""The brake test of the service with real processes: arming, the test, and what ends it."""
 
 from __future__ import annotations
 
 import io
 import json
 import os
-import pwd
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 
 import pytest
 
-from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal.reading import read_journal
-from gantryctl.service.supervisor.users import Users
 from support.command_line import cli
-from support.service_process import PASSWORD, Page, Service, add_users
+from support.service_process import Page, Service, add_users
 
-HERE = pwd.getpwuid(os.getuid()).pw_name
-"""The account of the system that runs the command line of these tests."""
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 
 
@@ -30,22 +24,6 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     add_users(root)
     with Service(root) as made:
         yield made
-
-
-def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "gantryctl", *arguments],
-        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-
-
-def start(service: Service, *arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "gantryctl", *arguments],
-        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
 
 
 def begin(page: Page) -> None:
@@ -90,23 +68,23 @@ def test_it_ends_when_somebody_stops_it_or_its_page_is_gone(service: Service, ho
             os.kill(service.child("gateway"), signal.SIGKILL)
     shown: dict[str, object] = {"brake_tests": tests}
     while shown["brake_tests"] == tests:  # its result comes with it, a picture after the phase
-        shown = json.loads(command(service, "status", "--service", "--json").stdout)["tags"]
+        shown = json.loads(service.command("status", "--service", "--json").stdout)["tags"]
     assert shown["brake_test_result"] == "aborted"
     assert shown["power_phase"] == "off"
     assert not shown["brake_open"]
 
 
 def test_the_command_line_tests_resets_and_shows_what_the_service_knows(service: Service) -> None:
-    done = command(service, "brake-test", "--service", "--yes", "--json")
+    done = service.command("brake-test", "--service", "--yes", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout)["result"] == "passed"
-    assert json.loads(command(service, "retain", "show", "--service", "--json").stdout)["brake_tests"] >= 1
+    assert json.loads(service.command("retain", "show", "--service", "--json").stdout)["brake_tests"] >= 1
     with service.page("viewer") as page:
         page.do("quick_stop")  # with power off it stops nothing
-    assert command(service, "attach").returncode == 0
-    assert command(service, "reset").stdout == "nothing to reset\n"
-    assert json.loads(command(service, "alarms", "--json").stdout) == []
-    assert command(service, "detach").returncode == 0
+    assert service.command("attach").returncode == 0
+    assert service.command("reset").stdout == "nothing to reset\n"
+    assert json.loads(service.command("alarms", "--json").stdout) == []
+    assert service.command("detach").returncode == 0
 
 
 def test_power_is_switched_watched_and_left_from_the_command_line(
@@ -122,7 +100,7 @@ def test_power_is_switched_watched_and_left_from_the_command_line(
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
     answer = cli("power", "on")
     assert (answer.code, "power stays off" in answer.err) == (2, True)
-    with start(service, "status", "--watch", "--json") as watching:
+    with service.start("status", "--watch", "--json") as watching:
         assert watching.stdout is not None
         lines = [json.loads(watching.stdout.readline()) for _ in range(2)]
         watching.send_signal(signal.SIGINT)
@@ -138,67 +116,3 @@ def test_power_is_switched_watched_and_left_from_the_command_line(
     assert "; off in " in cli("status", "--service").out
     assert cli("power", "off").out == "power is off\n"
     assert cli("power", "off").out == "power was off already\n"
-
-
-@pytest.fixture(scope="module")
-def for_two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    root = tmp_path_factory.mktemp("two")
-    add_users(root)
-    Users(root).add("twin", Role.SERVICE, PASSWORD, "physicist")
-    Users(root).add(HERE, Role.VIEWER, PASSWORD, "console")
-    with Service(root, "--second-person") as made:
-        yield made
-
-
-def test_one_arms_and_another_one_executes(for_two: Service) -> None:
-    with for_two.page("service") as second, for_two.page("physicist") as first:
-        assert second.look()["second_person"]
-        second.do("take", over=False)
-        second.do("arm", action="brake_test")
-        assert second.refused("brake_test") == "SEC-10"
-        first.until(lambda tags: tags["authority_user"] == "service")  # it sees the new epoch
-        first.do("arm", action="brake_test")
-        assert first.refused("brake_test") == "SEC-07"
-        second.do("brake_test")
-        second.do("stop")
-
-
-def test_two_accounts_of_one_person_are_one_person(for_two: Service) -> None:
-    with for_two.page("physicist") as first, for_two.page("twin") as second:
-        first.do("take", over=False)
-        second.until(lambda tags: tags["authority_user"] == "physicist")
-        second.do("arm", action="brake_test")
-        first.until(lambda tags: (tags["armed_by"], tags["armed_person"]) == ("twin", "physicist"))
-        assert first.welcome["person"] == second.welcome["person"] == "physicist"
-        assert first.refused("brake_test") == "SEC-10"
-
-
-def test_an_account_of_the_system_that_is_nobodys_is_no_person(for_two: Service) -> None:
-    users = Users(for_two.root)
-    users.remove(HERE)
-    done = command(for_two, "arm", "brake-test")
-    assert done.returncode == 2
-    assert f"SEC-10 · two persons are needed, and nobody knows whose account {HERE} is" in done.stderr
-    users.add(HERE, Role.VIEWER, PASSWORD, "console")
-
-
-def test_the_console_waits_for_somebody_else_to_arm(for_two: Service) -> None:
-    with for_two.page("physicist") as first:
-        asking = start(for_two, "brake-test", "--service", "--yes", "--json")
-        first.until(lambda tags: tags["authority_local"])
-        first.do("arm", action="brake_test")
-        first.until(lambda _: asking.poll() is not None)
-        out, err = asking.communicate()
-    assert (asking.returncode, json.loads(out)["result"]) == (0, "passed")
-    assert "another person must arm it now" in err
-
-
-def test_the_console_arms_for_somebody_else(for_two: Service) -> None:
-    with for_two.page("service") as second:
-        second.do("take", over=False)
-        arming = start(for_two, "arm", "brake-test")
-        second.until(lambda tags: tags["armed_action"] == "brake_test")
-        second.do("brake_test")
-        second.until(lambda _: arming.poll() is not None)
-        assert "not armed any more" in arming.communicate()[0]
-        second.do("stop")

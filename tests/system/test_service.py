@@ -236,7 +236,7 @@ def test_five_wrong_passwords_lock_this_account_and_no_other(service: Service) -
 
 def test_a_second_controller_on_the_same_machine_is_impossible(service: Service) -> None:
     for wanted in (["serve", "--no-page"], ["move", "1"]):
-        done = command(service, *wanted)
+        done = service.command(*wanted)
         assert done.returncode == 3
         assert "in use by process" in done.stderr
 
@@ -244,26 +244,18 @@ def test_a_second_controller_on_the_same_machine_is_impossible(service: Service)
 FILES_ENTERED = Path(__file__).parents[1] / "support" / "files_entered.py"
 
 
-def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "gantryctl", *arguments],
-        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-
-
 def test_the_command_line_goes_to_the_service_when_it_is_told_to(service: Service) -> None:
-    done = command(service, "move", "--by", "0.2", "--speed", "0.6", "--service", "--yes", "--json")
+    done = service.command("move", "--by", "0.2", "--speed", "0.6", "--service", "--yes", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     said = json.loads(done.stdout)
     assert said["end_deg"] - said["start_deg"] == pytest.approx(0.2, abs=0.006)
-    assert "add --service" in command(service, "status").stderr
-    assert command(service, "attach").returncode == 0
-    shown = command(service, "status", "--json")
+    assert "add --service" in service.command("status").stderr
+    assert service.command("attach").returncode == 0
+    shown = service.command("status", "--json")
     assert json.loads(shown.stdout)["machine"] == "hust_gantry"
-    assert command(service, "jog", "-", "--for", "0.2").returncode == 0
-    assert "30 s at most" in command(service, "jog", "-", "--for", "31").stderr
-    assert command(service, "detach").returncode == 0
+    assert service.command("jog", "-", "--for", "0.2").returncode == 0
+    assert "30 s at most" in service.command("jog", "-", "--for", "31").stderr
+    assert service.command("detach").returncode == 0
 
 
 def test_a_move_at_the_service_enters_at_most_six_files_of_the_command_line(service: Service) -> None:
