@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import groupby
 from typing import Any
 
@@ -14,7 +16,7 @@ from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest
 from gantryctl.machine import with_values
-from unit.commissioning.hand_drive import MACHINE, HandDrive, context, opens
+from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context, opens
 
 pytestmark = pytest.mark.can
 
@@ -124,3 +126,23 @@ def test_the_brake_test_ends_behind_the_brake_with_the_drive_off(step: Any) -> N
     # What the drive gives of its own is taken out, for 0.3 s.
     assert told(drive)[2][1] >= 75
     assert drive.leashes == [(0.1, True)]
+
+
+@pytest.mark.parametrize("push", [1.0, 0.3])
+def test_operation_knows_of_the_brake_test_of_commissioning(
+    monkeypatch: pytest.MonkeyPatch, push: float
+) -> None:
+    """Its first one: seven days later, or after a hundred power-ups, the next one is due."""
+    drive, axes = HandDrive(push=push), list[Any]()
+
+    @contextmanager
+    def opened(c: Any, leash_deg: float, part: str) -> Iterator[Any]:
+        axes.append(axis_of(drive, leash_deg))
+        yield axes[0]
+
+    monkeypatch.setattr(steps_power, "open_loop_axis", opened)
+    steps_power.brake(context())
+    kept = axes[0].retained
+    failed = push < 1.0
+    assert (kept.brake_tests, kept.brake_tests_failed) == (1, int(failed))
+    assert kept.brake_test_outcome == ("failed" if failed else "passed")

@@ -60,6 +60,14 @@ def test_over_the_travel_offset_scale_and_reversal_are_told_apart() -> None:
     assert "ring minus motor +0.0100 deg, +50 ppm of the angle, +0.0040 deg between both ways" in text
 
 
+def test_a_ring_without_an_angle_on_the_way_has_shown_nothing() -> None:
+    motor, ring, forward = travel()
+    ring[7] = math.nan
+    text, figures = over_the_travel(MACHINE, motor, ring, forward)
+    assert text == "; the ring shows no angle on the way"
+    assert {name: figure.within for name, figure in figures.items()} == {"ring_most_apart_deg": False}
+
+
 def test_only_constant_speed_is_compared_over_the_travel() -> None:
     """What lies between both encoders in a ramp, or at rest, is no part of it."""
     motor, ring, forward = travel()

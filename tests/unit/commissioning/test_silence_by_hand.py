@@ -101,6 +101,26 @@ def test_the_longest_time_of_a_watchdog_counts(
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize("closed", [True, False, None])
+def test_a_watchdog_has_acted_when_its_contact_says_so(
+    monkeypatch: pytest.MonkeyPatch, own: bool, closed: bool | None
+) -> None:
+    """Without a contact only a drive that has no watch of its own shows it: its own may have been earlier."""
+    drive, axis = enabled()
+    Silences(monkeypatch, drive, ())
+    inputs = SimpleNamespace(watchdog_contact=lambda: True)
+    drive.beside = SimpleNamespace(inputs=inputs, ask_watchdog_contact=lambda: closed)  # type: ignore[attr-defined]
+    fall = steps_silence._Fall("watchdog", (silence.Way.COMMANDS,), 0.05)
+    proofs: list[str] = []
+    dog = steps_silence._Watchdog("the relay", (fall,), "")
+    result, _ = steps_silence._fall(context(), axis, dog, fall, {}, proofs, own=own)
+    passes = closed is False or (closed is None and not own)
+    assert (result is None) is passes
+    assert len(proofs) == passes
+    assert result is None or result.outcome is Outcome.FAILED
+
+
 def test_the_proof_is_kept_with_the_drive_and_its_marker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some drives answer SDO in PRE-OPERATIONAL only: there first."""
     did: list[object] = []
