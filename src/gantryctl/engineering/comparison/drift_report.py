@@ -186,7 +186,7 @@ def controls_of(paper: Machine, improved: Machine) -> tuple[Variant, ...]:
         raise UsageError(
             f"{paper.name} twice: a drift compares two ways of control, so name two machine files"
         )
-    bare = ()
+    bare: tuple[Variant, ...] = ()
     if improved.control.compensation.load_encoder.active:
         bare = _ways(without_load_encoder(improved), WITHOUT_ENCODER)
     others = (way for way in _ways(improved, improved.name) if way.machine != improved)
