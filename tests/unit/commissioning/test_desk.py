@@ -233,6 +233,11 @@ def test_where_a_second_person_is_wanted_another_one_arms(
     assert room.ask(anna, "commission_step", step="velocity") == code
 
 
+def test_a_note_can_be_written_while_a_step_runs(room: Room) -> None:
+    room.begun()
+    assert room.ask(ANNA, "note", line="the brake smells") == ""
+
+
 @pytest.mark.parametrize(
     "name", ["limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready"]
 )
