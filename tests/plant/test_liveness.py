@@ -101,6 +101,29 @@ def test_at_standstill_while_the_load_still_swings(scan_ms: float) -> None:
     assert_in_doubt(rig, 0.3 * STANDSTILL_DEG, Code.ENC_02)
 
 
+def frozen_at_rest(**brake: object) -> PlantRig:
+    """The encoder freezes 0.3 s after a move, at scans of 10 ms; until the shaft is moved to and fro."""
+    rig = PlantRig(machine_at(10.0, NOMINAL_NM, **brake), holding_nm=NOMINAL_NM / 1144.0)
+    rig.power_up(0.3)
+    rig.say(move=True, target_rad=rad(93.0), speed_rad_s=rad(6.0))
+    rig.say(move=False)
+    rig.until(lambda: rig.axis.virtual.at_rest, 10.0)
+    rig.run(0.3)
+    rig.sim.encoder_gain = 0.0
+    rig.mark()
+    rig.until(lambda: rig.axis.liveness.asking, 1.0)
+    return rig
+
+
+def test_the_brake_closes_behind_an_answer() -> None:
+    """Behind the brake nobody can ask: the time of hold by brake ends here in the scan after the question began."""
+    rig = frozen_at_rest(**{"brake.hold": "servo"})
+    hold_s = (rig.axis.monitors.rest_scans + 1) * rig.period_s
+    rig = frozen_at_rest(**{"brake.hold": "brake", "brake.hold_brake_after_s": round(hold_s, 6)})
+    rig.run(2.0)
+    assert_in_doubt(rig, STANDSTILL_DEG, Code.ENC_02)
+
+
 @AT_EVERY_SCAN_MS
 @MOMENTS
 @pytest.mark.parametrize("late_s", [0.0, 0.06])

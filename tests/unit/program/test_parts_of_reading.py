@@ -87,6 +87,25 @@ def test_a_count_that_stands_is_tried_harder_each_time_and_then_frozen(period_s,
     assert seconds < patience_s + 4 * 0.016 + 40 * period_s
 
 
+@PERIODS
+def test_a_torque_that_leaves_while_the_shaft_is_asked_ends_the_small_questions(period_s):
+    """5 N m more in every scan from the first try on: what comes behind it is the last."""
+    parts, watch = lives(period_s)
+    ways = []
+
+    def scan():
+        before = watch.dithers
+        parts.feedback.torque_nm += 5.0 * (before > 0)
+        watch.stand(proven=True)
+        ways.extend([0.0] * (watch.dithers - before))
+        if ways and watch.vel_rad_s > 0.0:
+            ways[-1] += watch.vel_rad_s * period_s
+
+    parts.after(scan, most_s=2.0)
+    assert parts.codes == ["ENC-02"]
+    assert [way * 2**22 / math.tau for way in ways] == approx([8.0, 4096.0])
+
+
 def test_a_count_that_moves_at_the_first_try_lives():
     parts, watch = lives()
 

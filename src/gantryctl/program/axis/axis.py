@@ -176,7 +176,8 @@ class Axis:
         if power.phase is _ON:
             if not virtual.following:
                 self._follow()
-            elif self.monitors.rest_scans >= self._park_scans:
+            # Behind the brake nobody could ask any more whether the reading lives.
+            elif self.monitors.rest_scans >= self._park_scans and not self.liveness.asking:
                 self._park()
         elif virtual.following:
             self._unfollow()

@@ -79,6 +79,11 @@ class Liveness:
         tries = len(_DITHER_COUNTS) * (self._after + 1)
         return (self._patience + tries) * self._period_s
 
+    @property
+    def asking(self) -> bool:
+        """The shaft is being moved to and fro, and what stands through it is frozen."""
+        return self._at > 0
+
     # --- standing ---------------------------------------------------------------------------------
 
     def stand(self, *, proven: bool) -> None:
@@ -86,11 +91,7 @@ class Liveness:
         self._watch_still()
         if self._at:
             self._go_on()
-        elif self._torque_leaves():
-            # There is no time for small questions.
-            self._tries = len(_DITHER_COUNTS) - 1
-            self._begin()
-        elif self._still >= (self._patience if proven else self._unproven):
+        elif self._torque_leaves() or self._still >= (self._patience if proven else self._unproven):
             self._begin()
 
     def stop(self) -> None:
@@ -137,6 +138,9 @@ class Liveness:
     def _begin(self) -> None:
         self.dithers += 1
         self._at = 1
+        if self._torque_leaves():
+            # There is no time for small questions.
+            self._tries = len(_DITHER_COUNTS) - 1
         way_rad = _DITHER_COUNTS[self._tries] / self._counts_per_rad
         self.vel_rad_s = way_rad / (self._half * self._period_s)
 

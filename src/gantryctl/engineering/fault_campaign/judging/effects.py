@@ -102,6 +102,11 @@ def shows_no_motion(case: FaultCase) -> bool:
     )
 
 
+def reaches_nobody(case: FaultCase) -> bool:
+    """The drive is off the bus: no reading comes, and none of a drive that comes back counts before a reset."""
+    return any((each.where, each.kind) == (Place.FRAME, "drive_silent") for each in case.injections)
+
+
 def wrong_sign(case: FaultCase) -> bool:
     """The reading turns the other way than the shaft."""
     return any(

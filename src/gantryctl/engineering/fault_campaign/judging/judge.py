@@ -9,6 +9,7 @@ from gantryctl.engineering.fault_campaign.judging.effects import (
     LOAD_MOVES,
     may_come_first,
     nothing_holds,
+    reaches_nobody,
     shows_no_motion,
     wrong_sign,
 )
@@ -122,13 +123,13 @@ class Judge:
 
     @property
     def blind(self) -> bool:
-        """The reading shows no motion."""
-        return any(shows_no_motion(case) for case in self._cases)
+        """No reading shows a motion, to anybody."""
+        return any(shows_no_motion(case) or reaches_nobody(case) for case in self._cases)
 
     @property
     def angle_unknowable(self) -> bool:
         """Of a load that nothing holds: the reading stands, or has a wrong sign, which only torque could show."""
-        return self.blind or any(wrong_sign(case) for case in self._cases)
+        return any(shows_no_motion(case) or wrong_sign(case) for case in self._cases)
 
     @property
     def _stopping(self) -> bool:
