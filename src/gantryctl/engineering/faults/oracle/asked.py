@@ -83,6 +83,8 @@ class Asked:
             # Halt has the ramp of a move, stop and power off that of a key.
             release = ramps.jog_release_dec_rad_s2
             self._ends_by(min(ramps.dec_rad_s2, release) if op.halt else release, now, vel)
+            # As behind a move: a key that is still held then ends nothing.
+            self._key_counts = False
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
         # What the key began counts, not a mode that was chosen while it was held.
         if released and self._by_jog and self._key_counts:
