@@ -59,7 +59,7 @@ RATIO_ROW: Row = {
     "bus.quick_dec_rad_s2": lambda m: 5.4 * DEG * m.axis.reducer_ratio * m.axis.ring_ratio,
     "bus.speed_ceiling_rad_s": lambda m: 6.5 * DEG * m.axis.reducer_ratio * m.axis.ring_ratio,
     "plant.ratio": lambda m: m.axis.reducer_ratio * m.axis.ring_ratio,
-    "laws.flank_nm": lambda m: 0.0034 * m.motor.torque_rated_nm * m.axis.reducer_ratio * m.axis.ring_ratio,
+    "laws.flank_nm": lambda m: 0.0068 * m.motor.torque_rated_nm * m.axis.reducer_ratio * m.axis.ring_ratio,
 }
 
 
@@ -304,7 +304,7 @@ ROWS: dict[str, Row] = {
         "program.thermal.torque_rated_nm": 1.0,
         "drive.torque_rated_nm": 1.0,
         "bus.torque_rated_nm": 1.0,
-        "laws.flank_nm": 0.0034 * RATIO,
+        "laws.flank_nm": 0.0068 * RATIO,
     },
     "motor.torque_max_nm": {
         "program.power.torque_max_nm": 1.0,

@@ -53,8 +53,8 @@ class WindupTable(Table):
     reversal: bool = switch(False, "Lost motion of friction and backlash, by the last direction.")
     # Not a step, which would be a jump of the speed command. No longer either: friction turns round as the load begins
     # to move, and at 90 deg the ramp changes the flank after 0.15 s, 0.001 deg on: with 0.01 deg nothing drove the load
-    # for as long again, and it swung by 0.023 deg/s.
-    reversal_length_deg: float = number(0.002, 1e-6, 0.05, "Way over which the direction turns round.")
+    # for as long again, and it swung by 0.023 deg/s (0.011 with 0.003).
+    reversal_length_deg: float = number(0.003, 1e-6, 0.05, "Way over which the direction turns round.")
 
 
 class LoadEncoderLoopTable(Table):

@@ -278,5 +278,6 @@ def test_a_rigid_machine_has_no_windup_and_everything_else_is_identified() -> No
         ConfigError, match=r"windup.active lives on stiffness_nm_per_rad.*switch windup.active off"
     ):
         compensation(calibrated)
-    off = {f"control.compensation.{law}": False for law in ("windup.active", "damping.active")}
+    laws = ("windup.active", "damping.active", "moment_observer.active")
+    off = {f"control.compensation.{law}": False for law in laws}
     assert compensation(with_values(calibrated, off).calibrated(calibration)) is not None
