@@ -178,8 +178,9 @@ _LIVES_ON: Final[dict[str, tuple[Number, ...]]] = {
 }
 # Nearer to 0 than this part of the rated torque the mesh is about to change its flank: 1 kN m on the reference gantry.
 _FLANK_SHARE: Final = 0.0034
-# The motor crosses the gap while the planned torque goes through twice that to either side. At once the torque asks for
-# 0.12 deg/s within a scan of 4 ms and the motor for 190 N m; so it is 0.025 deg/s and 62 N m, and the load swings no more.
+# The motor crosses the gap while the planned torque goes through twice that to either side. Within once that the
+# speed command rose by 0.12 deg/s in a scan of 4 ms, and the motor gave 190 N m; so it is 0.025 deg/s and 62 N m, and
+# the load swings no more.
 _CROSSING: Final = 2.0
 
 

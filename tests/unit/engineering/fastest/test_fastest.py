@@ -100,12 +100,11 @@ def test_wrong_questions_are_refused(given: tuple[str, ...], says: str) -> None:
 
 
 def test_the_delivered_machine_is_quick_true_and_calm_at_once() -> None:
-    """At the base motion of the paper's loop, both ways, an axis in use. Measured 23.20 s, 156 um, 0.0114 deg/s and
-    4.9 um with ramps of one period of the first mode; a direction that turns round over 0.01 deg made it 0.022 deg/s.
+    """At the base motion of the paper's loop, both ways, an axis in use. Measured 22.87 s, 0.0106 deg/s and 2.4 um with
+    ramps of one period of the first mode; a direction that turns round over 0.01 deg made it 0.022 deg/s.
     """
-    limits = Limits(base_um=165.0, after_um=5.0)
-    ((found,),) = fastest_moves(improved_machine(), MOVE_DEG, [limits], [0.494])
-    assert found.move.base_um <= 165.0
+    ((found,),) = fastest_moves(improved_machine(), MOVE_DEG, [Limits(base_um=165.0)], [0.494])
+    assert found.binding == "base"
     assert found.move.time_s <= 24.0
     assert found.move.load_error_deg_s <= 0.012
     assert found.move.residual_um <= 5.0
