@@ -25,9 +25,10 @@ from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import deg
 
 AT = "control.compensation."
+# What is asked of the delivered machine without a bus; measured 0.0073 to 0.0108.
+LOAD_ERROR_DEG_S = 0.012
 BARE = load_machine(configs_folder() / "hust_can.toml")
-# At 4 ms, without a gentle end: the 0.9 deg/s2 of the delivered improved machine make 0.025 deg/s from -90 to 90 deg by
-# the motor alone, and 0.021 with an encoder node; 0.02 is asked.
+# Softer than the delivered improved machine, and without a gentle end: what a machine on a bus has at first.
 PROFILE = {
     "virtual_axis.profile": "jerk_limited",
     "virtual_axis.acc_deg_s2": 0.6687,
@@ -114,8 +115,8 @@ def test_a_machine_identified_over_its_bus_holds_its_load(
     evidence("can_identified", {"identified": found, "control": figures})
     assert figures["a_bare_deg"] > 0.01
     assert figures["a_improved_deg"] <= 0.0025
-    assert figures["load_speed_error_improved_0_90_deg_s"] <= 0.02
-    assert figures["load_speed_error_improved_m90_90_deg_s"] <= 0.02
+    assert figures["load_speed_error_improved_0_90_deg_s"] <= LOAD_ERROR_DEG_S
+    assert figures["load_speed_error_improved_m90_90_deg_s"] <= LOAD_ERROR_DEG_S
     # A calibration of another drive's encoder is none of this machine.
     origin = calibration.origin.model_copy(update={"encoder_serial": "CAN-other"})
     with pytest.raises(ConfigError, match="CAN-other"):
@@ -145,6 +146,6 @@ def test_with_an_encoder_node_on_the_ring_the_load_is_where_it_was_sent(
     }
     evidence("can_load_encoder", {"control": figures})
     assert figures["a_improved_deg"] <= 0.0008
-    assert figures["load_speed_error_improved_0_90_deg_s"] <= 0.02
-    assert figures["load_speed_error_improved_m90_90_deg_s"] <= 0.02
-    assert figures["load_speed_error_improved_90_0_deg_s"] <= 0.02
+    assert figures["load_speed_error_improved_0_90_deg_s"] <= LOAD_ERROR_DEG_S
+    assert figures["load_speed_error_improved_m90_90_deg_s"] <= LOAD_ERROR_DEG_S
+    assert figures["load_speed_error_improved_90_0_deg_s"] <= LOAD_ERROR_DEG_S
