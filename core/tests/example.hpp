@@ -233,6 +233,37 @@ inline CompensationParams<double> observed() {
   return p;
 }
 
+// Gear errors, wind-up, backlash and lost motion, each of them large enough to be seen.
+inline CompensationParams<double> maps() {
+  CompensationParams<double> p;
+  p.gear_map = p.windup = p.reversal = true;
+  p.map.mean = 1e-6;
+  p.map.sine = {3e-5, -2e-5, 1e-5};
+  p.map.cosine = {1e-5, 4e-6, -7e-6};
+  p.lost_motion.mean = 1.4e-5;
+  p.lost_motion.cosine = {2e-6, -3e-6};
+  p.fast[0] = {338.0, 4e-6, 1e-6};
+  p.fast[1] = {1144.0, 1e-6, -2e-6};
+  p.moment_sine_nm = 1.6e4;
+  p.moment_cosine_nm = -2e3;
+  p.compliance_rad_per_nm = 2.8e-9;
+  p.windup_per_acc_s2 = 6.2e-3;
+  p.backlash_rad = 8e-5;
+  p.friction_load_nm = 6e3;
+  p.inertia_load_kg_m2 = 2.2e6;
+  p.flank_nm = 8e4;  // so wide that the derivative below is taken where the flank changes
+  p.pos_limit_rad = 1e-3;
+  return p;
+}
+
+inline Moment<double> calibrated(const CompensationParams<double>& p) {
+  return {p.moment_sine_nm, p.moment_cosine_nm};
+}
+
+inline Flank<double> flank(const CompensationParams<double>& p) {
+  return {p.backlash_rad, p.friction_load_nm};
+}
+
 // The same in every lane of a pack; maps and fast waves are left as they begin.
 template <int N>
 CompensationParams<Pack<N>> in_every_lane(const CompensationParams<double>& one) {

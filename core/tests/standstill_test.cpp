@@ -248,7 +248,7 @@ TEST(Simulator, says_of_each_scan_whether_the_torque_was_limited) {
 }
 
 // Load and base at 0.5 and 0.1 rad, turning with 3 and 1 rad/s, read 10 ms ago; the noise of reading 1 is
-// that of compensation_test.cpp.
+// that of load_encoder_test.cpp.
 TEST(Simulator, reads_the_ring_against_the_base) {
   GantrySim<double> sim = standing(loaded(), 0.0, true);
   sim.x.pos_load = 0.5;

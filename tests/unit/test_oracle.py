@@ -506,7 +506,7 @@ def test_a_stop_that_goes_on_without_the_controller_has_its_true_times() -> None
     stop.alarm.steps = (Words.BRAKE_CLOSED_AFTER(time_ms=290.0),)
     assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 290 ms is told, true 200 ms"]
     # A contact that was held open could not show it earlier.
-    axis.contact_lies = True
+    axis.known.contact_lies = True
     assert list(judge_words(stop.alarm, stop, axis)) == []
     stop.alarm.steps = (Words.BRAKE_CLOSED_AFTER(time_ms=100.0),)
     assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 100 ms is told, true 200 ms"]

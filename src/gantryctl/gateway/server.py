@@ -42,8 +42,7 @@ class PatientProtocol(H11Protocol):
         self._patience: asyncio.TimerHandle | None = None
         self._stuck: asyncio.TimerHandle | None = None
 
-    # uvicorn narrows the transport of asyncio's protocol, and so must who derives from it.
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # uvicorn narrows it too
         """A new connection; closed when it asks for nothing in time."""
         super().connection_made(transport)
         # asyncio reads up to 256 KiB at once: thousands of small frames of a WebSocket, all of them before anybody

@@ -153,22 +153,27 @@ class _Run:
         axis, effect = self._axis, effect_of(each)
         if axis is None:
             return
+        known, now = axis.known, axis.now()
         if each.kind == "slow":
-            axis.brake_late_s = each.values["late_s"]
+            known.brake_late_s = each.values["late_s"]
         if each.kind == "silent" and each.values["which"] == "io":
             # The brake that it works falls with the watchdog relay, which waits for an edge that does not come.
-            axis.brake_late_s = max(axis.brake_late_s, bench.machine.can.watchdog_ms * 1e-3)
+            known.brake_late_s = max(known.brake_late_s, bench.machine.can.watchdog_ms * 1e-3)
         if each.kind == "readings_late":
-            axis.reading_late_s = each.values["late_s"]
+            known.reading_late_s = each.values["late_s"]
         if each.kind == "contact":
-            axis.contact_lies = each.values["open"]
+            known.contact_lies = each.values["open"]
         if each.kind == "stall":
-            axis.controller_held(each.values["late_s"])
+            known.hold(now, each.values["late_s"])
         if each.kind in ("drive_silent", "rpdo_lost"):
             # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
-            axis.controller_held(bench.machine.can.watchdog_ms * 1e-3)
-        axis.fault_injected(
-            feedback=effect.feedback, at_once=effect.at_once, no_ramp=effect.no_ramp, late_s=effect.late_s
+            known.hold(now, bench.machine.can.watchdog_ms * 1e-3)
+        known.inject(
+            now,
+            feedback=effect.feedback,
+            at_once=effect.at_once,
+            no_ramp=effect.no_ramp,
+            late_s=effect.late_s,
         )
 
     def _tell_alarms(self) -> None:

@@ -13,7 +13,7 @@ from gantryctl.program.alarms.codes import Code
 
 
 class Effect(NamedTuple):
-    """What an injection does to the promises of the axis (`AxisOracle.fault_injected`).
+    """What an injection does to the promises of the axis (`KnownFaults.inject`).
 
     Attributes:
         feedback: the reading is in doubt, or what the drive does with it.

@@ -8,10 +8,13 @@ from typing import Any, Final, NamedTuple
 
 from gantryctl.engineering.faults.oracle import limits
 from gantryctl.engineering.faults.oracle.asked import SETTLES_MS, Asked
-from gantryctl.engineering.faults.oracle.held import HeldUp
+from gantryctl.engineering.faults.oracle.known import KnownFaults
 from gantryctl.engineering.faults.oracle.limits import REFERENCE, Bounds, StopClass
+from gantryctl.engineering.faults.oracle.load import Load
 from gantryctl.engineering.faults.oracle.silence import Silence
+from gantryctl.engineering.faults.oracle.speed import SpeedOnWire
 from gantryctl.engineering.faults.oracle.stretch import stretch_around
+from gantryctl.engineering.faults.oracle.told import ToldAngle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
@@ -21,13 +24,7 @@ from gantryctl.program.alarms.log import Alarm
 _ENABLE: Final = DriveRequest.ENABLE
 _QUICK_STOP: Final = DriveRequest.QUICK_STOP
 _STOPS: Final = Reaction.QUICK_STOP
-# ms in which a drive that switched itself off is told as an alarm: the heartbeat is missed after 150 ms.
-_TOLD_MS: Final = 200
-# An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
-_CAUSE_MS: Final = 3000
 _AT_REST_MS: Final = 50
-# Scans by which a reading on a bus may be old: sampled, sent, and taken.
-_READING_SCANS: Final = 3.0
 
 
 class Violation(NamedTuple):
@@ -77,13 +74,8 @@ class AxisOracle:
     Attributes:
         ms: virtual time, samples since the first.
         angle, speed, torque, energised, brake_open: the last sample, motor side, rad, rad/s, N m.
+        known: faults that a test has injected.
         program: who commands; None on a bench. `program_over`: it failed, and the engine stops the axis.
-        offset: of the angle that is told, rad at the motor.
-        brake_late_s: a fault lets the brake close so much later.
-        reading_late_s: a fault delays every telegram of the drive by so much: none carries its time, so behind the gap
-            at the beginning nothing shows it.
-        contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
-            may be told later than it is so.
         inside: samples are taken inside the scan, which is longer than a millisecond; `sim` takes them.
     """
 
@@ -93,75 +85,53 @@ class AxisOracle:
         self.ms = 0
         self.angle = self.speed = self.torque = 0.0
         self.energised, self.brake_open = False, False
-        self.bound = self.program_over = self.inside = self.contact_lies = False
+        self.bound = self.program_over = self.inside = False
+        self.known = KnownFaults()
         self.program: Any = None
         self.sim: object = None
         self._axis: Any = None
-        self._energised_ms = self._off_ms = -1_000_000
-        self._unheld_ms = self._driven_ms = 0
-        self._off_unjudged = False
+        self._shipped = True
+        self._told = ToldAngle(self.known, bounds)
+        self._wire = SpeedOnWire(self.known, bounds)
+        self._load = Load(self.known)
         self._anchor: float | None = None
         self._reason_ms = -1
         self._asked: Asked | None = None
-        self._stray = 0.0
         self._commanded = (0.0, 0.0)
         self._silent_from: float = math.inf
         self._silence: Silence | None = None
-        self._vel = 0.0
-        self._wire_ms = -1
-        self._step, self._step_rad = "", 0.0
         self._request = DriveRequest.DISABLE
         self._stop: Stop | None = None
         self._latched: Alarm | None = None
-        self._onset: Instant | None = None
-        self._onset_of_feedback = False
-        self._held: HeldUp | None = None
-        self._disobeys = self._no_ramp = self._creeps = self._pulls_away = False
-        self._late_s = self.brake_late_s = self.reading_late_s = 0.0
-        self._wrong_since: int | None = None
-        self._wrong = self._kpp = 0.0
-        self._told_rad, self._stands_ms, self._moved_ms, self._answer_ms = math.nan, 0, 0, 0.0
-        self._rest_angle = 0.0
-        self._ratio = 1.0
-        self._zero_counts = math.nan
-        self.offset = 0.0
+        self._creeps = False
         # Replaced by `bind`; in motor units.
-        self._deg = 1.0
-        self._sag = self._high = self._speed_max = self._rest = self._told = self._settled = math.inf
+        self._ratio = self._deg = 1.0
+        self._sag = self._high = self._speed_max = self._rest = math.inf
         self._low = -math.inf
         self._in_sector = False
-        self._vel_max = self._torque_max = self._slope = math.inf
-        self._quick_dec = 0.0
+        self._vel_max = self._torque_max = math.inf
 
     # --- who commands -------------------------------------------------------------------------------------------
 
     def bind(self, program: Any) -> None:
         """From now on this program commands the axis: its settings say what was promised."""
         self.program, self._axis, self.bound = program, program.axis, True
+        self._shipped = type(program) is GantryProgram
         settings = self._axis.settings
-        self._deg = k = settings.law.ratio * math.pi / 180.0
-        speed, ramps = settings.speed, settings.ramps
         self._ratio = ratio = settings.law.ratio
-        self._kpp = settings.law.kpp_per_s
-        self._sag = self.bounds.sag_deg * k
+        self._deg = k = ratio * math.pi / 180.0
+        speed, ramps = settings.speed, settings.ramps
+        self._sag, self._rest = self.bounds.sag_deg * k, self.bounds.rest_deg_s * k
         self._speed_max = limits.OVERSPEED * speed.setting_max_rad_s * ratio
-        self._rest, self._told = self.bounds.rest_deg_s * k, self.bounds.told_deg * k
-        self._settled = self.bounds.regulation_deg_s * k
-        # Ramps of machines that need seconds to leave the speeds that look like regulation.
-        slowest = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio
-        self._creeps = slowest < self._settled
-        # A reading is asked from where the set-point has come to rest.
-        self._answer_ms = 1e3 * (self._axis.liveness.answer_s + self._settled / slowest)
         # The clamp is a float that the law reaches exactly.
         self._vel_max = speed.command_clamp_rad_s * ratio * (1.0 + 1e-12)
         self._torque_max = settings.power.torque_max_nm * (1.0 + 1e-12)
-        # Correction of the position loop: Kpp times the speed that the deviation monitor lets pass.
-        correction = settings.law.kpp_per_s * settings.monitors.velocity_deviation_rad_s
-        steepest = max(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2, ramps.acc_rad_s2)
-        self._slope = (steepest + correction) * ratio * 1e-3
-        self._quick_dec = ramps.quick_dec_rad_s2 * ratio
-        self._zero_counts = math.nan
-        self._asked = Asked(settings, self._settled, self._told)
+        self._wire.bind(settings, shipped=self._shipped)
+        # Ramps of machines that need seconds to leave the speeds that look like regulation.
+        slowest, settled = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio, self._wire.settled
+        self._creeps = slowest < settled
+        self._told.bind(self._axis, shipped=self._shipped, settles_s=settled / slowest)
+        self._asked = Asked(settings, settled, self.bounds.told_deg * k)
 
     def begin(self, angle: float, brake_open: bool, energised: bool) -> None:
         """Take the state in which the axis is met."""
@@ -175,49 +145,33 @@ class AxisOracle:
         """Time of so many scans."""
         return scans * float(self._axis.settings.period_s) * 1e3
 
+    def now(self) -> Instant:
+        """What is true now."""
+        return Instant(self.ms, self.angle, self.speed, self.energised, self.brake_open)
+
+    @property
+    def offset(self) -> float:
+        """Of the angle that is told, rad at the motor."""
+        return self._told.offset
+
+    @property
+    def contact_lies(self) -> bool:
+        """The contact of the brake may be late to tell that it is closed."""
+        return self.known.contact_lies
+
+    def held_way_deg(self, since: Instant) -> float:
+        """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
+        return self.known.held_way_deg(self, since)
+
+    def can_ask(self) -> bool:
+        """The controller may command a speed, and so ask a reading that stands."""
+        return self.brake_open and self._request is _ENABLE and not self._holding()
+
     def say(self, invariant: str, text: str) -> None:
         """Report the first violation of an invariant."""
         if invariant not in self._seen:
             self._seen.add(invariant)
             self._found(Violation(invariant, self.ms * 1e-3, text))
-
-    def fault_injected(
-        self, *, feedback: bool, at_once: bool, no_ramp: bool = False, late_s: float = 0.0
-    ) -> None:
-        """A test spoils something now; a cause that lasts keeps its first onset.
-
-        Args:
-            feedback: the reading is in doubt, or what the drive does with it.
-            no_ramp: a brake or too little torque takes its ramp from a quick stop, which has the class torque off.
-            at_once: it acts now; else only when something else happens, a quick stop for one.
-            late_s: the axis goes on for so long before it shows.
-        """
-        self._late_s = max(self._late_s, late_s)
-        onset = self._onset
-        self._disobeys = self._disobeys or (feedback and not at_once)
-        self._no_ramp = self._no_ramp or no_ramp
-        # Either may take the load away, and the position loop answers.
-        self._pulls_away = self._pulls_away or feedback or no_ramp
-        old = onset is None or self.ms - onset.ms > _CAUSE_MS
-        if at_once and (old or (feedback and not self._onset_of_feedback)):
-            self._onset, self._onset_of_feedback = self._now(), feedback
-
-    def controller_held(self, held_s: float) -> None:
-        """The controller stands still from now on for so long."""
-        self._held = HeldUp(self._now(), held_s)
-
-    def held_way_deg(self, since: Instant) -> float:
-        """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
-        return self._held.way_deg(self, since) if self._held is not None and self._feedback_fault() else 0.0
-
-    def _now(self) -> Instant:
-        return Instant(self.ms, self.angle, self.speed, self.energised, self.brake_open)
-
-    def _feedback_fault(self) -> bool:
-        """A fault of the feedback is known that may still act."""
-        onset = self._onset
-        recent = onset is not None and self.ms - onset.ms < _CAUSE_MS
-        return self._disobeys or (recent and self._onset_of_feedback)
 
     # --- the wire -----------------------------------------------------------------------------------------------
 
@@ -230,19 +184,19 @@ class AxisOracle:
         asked = self._asked
         if operator is not None and asked is not None and operator is not asked.levels:
             asked.take(
-                operator, self.ms, self._vel, self.angle + self.offset, moves=self.ms <= self._reason_ms
+                operator, self.ms, self._wire.vel, self.angle + self.offset, moves=self.ms <= self._reason_ms
             )
-        if self._held is not None and operator is not None:
-            self._held = self._held.commands(self._now())
+        held = self.known.held
+        if held is not None and operator is not None:
+            self.known.held = held.commands(self.now())
         if not (-self._vel_max <= vel <= self._vel_max and -self._torque_max <= torque <= self._torque_max):
             self.say("INV-4", f"on the wire: speed {vel!r} rad/s, torque {torque!r} N m")
-        if axis is not None and not self.program_over:
-            self._judge_told(axis)
+        if axis is not None and not self.program_over and (self._told.judge(self) or self._in_sector):
+            self._low, self._high = self._stretch()
         if vel != 0.0:
             self._speed_on_wire(request, vel, brake_open)
         else:
-            self._vel, self._wire_ms, self._step = 0.0, self.ms, ""
-            self._rest_angle = self.angle
+            self._wire.zero(self)
         if request is not self._request:
             self._requested(request)
         if axis is None:
@@ -251,99 +205,17 @@ class AxisOracle:
         if first is not None or self._latched is not None:
             self._latch(first, request, vel)
 
-    def _judge_told(self, axis: Any) -> None:
-        """The angle that is told in this scan, before the plant goes on."""
-        told = axis.pos_act_rad
-        if told != self._told_rad:
-            self._told_rad, self._stands_ms = told, self.ms
-        angle = told * self._ratio
-        if axis.zero_counts != self._zero_counts:
-            begins = math.isnan(self._zero_counts)
-            self._zero_counts = axis.zero_counts
-            moved = angle - self.angle - self.offset
-            self.offset += moved if begins or not axis.settings.travel.endless else self._zero_moved(moved)
-            self._low, self._high = self._stretch()
-        elif self._in_sector:
-            self._low, self._high = self._stretch()
-        self._wrong = wrong = angle - self.angle - self.offset
-        bound = self._told
-        if self.reading_late_s:
-            bound += (abs(self.speed) + self._quick_dec * self.reading_late_s) * self.reading_late_s
-        if not -bound <= wrong <= bound:
-            self._wrong_angle(wrong)
-        elif self._wrong_since is not None:
-            self._wrong_since = None
-
     def _speed_on_wire(self, request: DriveRequest, vel: float, brake_open: bool) -> None:
         if request is not _ENABLE or not brake_open:
             self.say("INV-4", f"speed {vel / self._deg:.4f} deg/s with request {request.name}")
-        now, before = self.ms, self._vel
-        passed = max(1, now - self._wire_ms)
-        # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
-        slope = self._slope * passed + self._settled + self._kpp * abs(self._wrong)
-        if self._step or not -slope <= vel - before <= slope:
-            self._stepped(before, vel, passed)
-        self._vel, self._wire_ms = vel, now
-        asked = self._asked
-        if not -self._settled < vel < self._settled:
-            self._reason_ms, self._moved_ms = now + SETTLES_MS, now
-            if asked is not None:
-                asked.at_target_ms = now
-                if now > asked.until_ms:
-                    self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
-                    self._check_origin(asked, now, vel)
-            return
-        self._rest_angle = self.angle
-        if asked is not None and asked.target is not None:
+        now, asked, settled = self.ms, self._asked, self._wire.settled
+        self._wire.command(self, vel, self._told.wrong, asked)
+        if not -settled < vel < settled:
+            self._reason_ms, self._told.moved_ms = now + SETTLES_MS, now
+        elif asked is not None and asked.target is not None:
             if self._creeps:
                 self._reason_ms = now + SETTLES_MS
             asked.perhaps_arrived(now, self.angle + self.offset)
-
-    def _stepped(self, before: float, vel: float, passed: int) -> None:
-        """Judge a speed that changes too fast: from rest, and back at rest within the way of a dither, it is one."""
-        if self._step and -self._settled < vel < self._settled:
-            self._step = ""
-            return
-        if not self._step:
-            if self._feedback_fault():
-                return
-            self._step = (
-                f"speed command {before / self._deg:.3f} to {vel / self._deg:.3f} deg/s in {passed} ms"
-            )
-            self._step_rad = 0.0 if -self._settled < before < self._settled else math.inf
-        # What moves no further is no motion: 4096 counts forth or back are 0.0025 deg of the reference gantry.
-        self._step_rad += abs(vel) * passed * 1e-3
-        if self._step_rad > self.bounds.dither_deg * self._deg:
-            self.say("INV-3", self._step)
-            self._step = ""
-
-    def _check_origin(self, asked: Asked, now: int, vel: float) -> None:
-        """A speed without a person behind it, over more than a dither. Other programs move by their own logic."""
-        if self._stray <= self.bounds.dither_deg * self._deg:
-            return
-        if type(self.program) is not GantryProgram:
-            asked.until_ms = math.inf
-            return
-        if self._feedback_fault():
-            # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
-            # that is judged by INV-1.
-            return
-        if self._pulls_away and self._brings_back(vel):
-            return
-        if not asked.held(now, vel):
-            self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
-
-    def _brings_back(self, vel: float) -> bool:
-        """The position loop answers the true way from where the command was last that of an axis at rest.
-
-        So it does long after a drive began to turn the other way, or where a load has become too much for the torque,
-        and nobody has to ask for it, no further than may be moved without a reason. The command of rest may be off by
-        the regulation, a reading on a bus is some scans old.
-        """
-        way = self.angle - self._rest_angle
-        late = 1e-3 * self.scans_ms(_READING_SCANS) * abs(self.speed)
-        answers = abs(vel + self._kpp * way) <= self._settled + self._kpp * late
-        return answers and abs(way) <= self._sag
 
     def _requested(self, request: DriveRequest) -> None:
         before, self._request = self._request, request
@@ -380,7 +252,8 @@ class AxisOracle:
         alarms = self._axis.alarms.active.values()
         return any(alarm.reaction is Reaction.HOLD for alarm in alarms)
 
-    def _told_torque_off(self) -> bool:
+    def told_torque_off(self) -> bool:
+        """An alarm says that the torque is off."""
         alarms = self._axis.alarms.active
         # Behind a brake that is told not to close only the torque that goes off shows whether it holds; HOLD follows.
         told = any(alarm.reaction >= Reaction.TORQUE_OFF for alarm in alarms.values())
@@ -390,16 +263,14 @@ class AxisOracle:
         """A stop-class alarm is told now: the stop begins."""
         if self._asked is not None:
             self._asked.stopped()
-        onset = self._onset
-        if self._feedback_fault():
+        known, now = self.known, self.now()
+        if known.of_feedback(now.ms):
             kind = StopClass.FEEDBACK
         else:
             # What is told as a quick stop when the torque is off already has no ramp.
-            quick = first.reaction is _STOPS and self.energised and not self._no_ramp
+            quick = first.reaction is _STOPS and self.energised and not known.no_ramp
             kind = StopClass.QUICK if quick else StopClass.TORQUE_OFF
-        now = self._now()
-        recent = onset is not None and self.ms - onset.ms < _CAUSE_MS
-        self._stop = Stop(first, kind, onset if onset is not None and recent else now, now)
+        self._stop = Stop(first, kind, known.recent_onset(now.ms) or now, now)
 
     # --- the plant ----------------------------------------------------------------------------------------------
 
@@ -427,10 +298,8 @@ class AxisOracle:
             self._anchor = None
         if self._stop is not None:
             self._stopping(self._stop)
-        if not energised and (brake_open or self._off_unjudged):
-            self._unheld()
-        elif self._unheld_ms:
-            self._unheld_ms = 0
+        if not energised and (brake_open or self._load.off_unjudged):
+            self._load.unheld(self)
 
     def _silent(self, energised: bool, brake_open: bool) -> None:
         """Judge one millisecond of an axis that nobody commands any more."""
@@ -444,16 +313,16 @@ class AxisOracle:
         if self._silence is None:
             angle, speed = self._commanded
             last = Instant(self.ms - limits.SILENT_MS, angle, speed, energised, brake_open)
-            self._silence, self._anchor, self._off_unjudged = Silence(last), None, False
+            self._silence, self._anchor, self._load.off_unjudged = Silence(last), None, False
         self._silence.sample(self)
         if brake_open and not energised:
-            self._unheld()
+            self._load.unheld(self)
         else:
-            self._unheld_ms = 0
+            self._load.unheld_ms = 0
 
     def _moves(self, way: float) -> None:
         # Nobody can see it before the reading that stands has been asked; so far a fault at standstill may go.
-        unseen = self._feedback_fault() and self._unasked()
+        unseen = self.known.of_feedback(self.ms) and self._told.unasked(self)
         if unseen and abs(way) <= self.bounds.way_deg(StopClass.FEEDBACK, 0.0) * self._deg:
             return
         state = "torque on" if self.energised else "torque off"
@@ -461,41 +330,22 @@ class AxisOracle:
         self.say("INV-2", f"moved {way / self._deg:.3f} deg without a reason ({state})")
 
     def _outside(self) -> None:
-        limit = self._speed_max
-        onset = self._onset
-        if self._feedback_fault():
+        limit, known, load = self._speed_max, self.known, self._load
+        if known.of_feedback(self.ms):
             limit += self.bounds.fault_overspeed_deg_s * self._deg
-            if self._held is not None:
-                limit += self.bounds.driven_acc_deg_s2 * self._held.held_s * self._deg
-        limit += self.bounds.unheld_acc_deg_s2 * self._deg * 1e-3 * min(self._driven_ms, self._unheld_max_ms)
+            if known.held is not None:
+                limit += self.bounds.driven_acc_deg_s2 * known.held.held_s * self._deg
+        limit += self.bounds.unheld_acc_deg_s2 * self._deg * 1e-3 * min(load.driven_ms, load.unheld_max_ms)
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
         low, high = self._low, self._high
         beyond = self.angle - high if self.angle > high else low - self.angle
         torque_off = self._stop is not None and self._stop.kind is not StopClass.QUICK
-        if beyond > (self.bounds.beyond_deg * self._deg if onset is not None or torque_off else 0.0):
+        if beyond > (self.bounds.beyond_deg * self._deg if known.onset is not None or torque_off else 0.0):
             self.say(
                 "INV-3",
                 f"true angle {(self.angle + self.offset) / self._deg:.3f} deg, {beyond / self._deg:.3f} deg beyond",
             )
-
-    def _zero_moved(self, moved: float) -> float:
-        """Move of the zero of an axis that turns without end, rad at the motor, as far as it may be.
-
-        It moves on by whole turns, and not under a motion to an angle; a new reference, by any angle, is for a program
-        of somebody's own and for an axis at rest.
-        """
-        virtual, turn = self._axis.virtual, 360.0 * self._deg
-        whole = turn * round(moved / turn)
-        # What is told in motion is some scans old.
-        late = abs(self.speed) * 3.0 * float(self._axis.settings.period_s)
-        referenced = abs(moved - whole) > self._told + late
-        moving = virtual.vel_ref_rad_s != 0.0
-        if referenced and (moving or type(self.program) is GantryProgram):
-            self.say("INV-7", f"the zero has moved by {self.deg(moved):.2f} deg, which is no whole turn")
-        elif moving and virtual.plan.vel_end == 0.0:
-            self.say("INV-7", f"the zero has moved by {self.deg(moved):.2f} deg under a motion to an angle")
-        return moved if referenced else whole
 
     def _stretch(self) -> tuple[float, float]:
         """Motor angles between over-travel and no-go sectors, by the zero of the machine.
@@ -516,52 +366,28 @@ class AxisOracle:
         was_energised, self.energised = self.energised, energised
         was_open, self.brake_open = self.brake_open, brake_open
         if energised and not was_energised:
-            self._energised_ms, self._driven_ms = now, 0
-            by_person = self._asked is not None and self._asked.power(now)
-            asked = by_person or type(self.program) is not GantryProgram
-            if self._latched is not None and not self._holding():
-                self.say("INV-5", f"torque came on while {self._latched.code} is latched")
-            elif not asked and not self._holding():
-                self.say("INV-2", "enabled, and nobody asked for it")
+            self._torque_on(now)
         if was_energised and not energised:
-            self._off_ms = now
             if self._asked is not None:
                 self._asked.brake_test = False
             if self._stop is not None:
                 self._stop.torque_off(now, self.angle, self.speed)
-            self._off_unjudged = was_open and brake_open
-            if self._off_unjudged and self._request is DriveRequest.DISABLE and not self._told_torque_off():
-                self.say("INV-6", "torque taken off with the brake open, and no alarm says torque off")
+            self._load.torque_off(self, open_before=was_open, commanded=self._request is DriveRequest.DISABLE)
         if brake_open and not was_open:
-            self._moved_ms = now
-        if brake_open and not was_open and (not energised or now - self._energised_ms < 10):
-            self.say("INV-6", "the brake opens without torque")
-        if was_open and not brake_open and self._stop is not None:
-            self._stop.brake_closed(now)
+            self._told.moved_ms = now
+            self._load.brake_opens(self)
+        if was_open and not brake_open:
+            self._load.unheld_ms = 0
+            if self._stop is not None:
+                self._stop.brake_closed(now)
 
-    def _unheld(self) -> None:
-        """Torque off: the brake must come, and an order other than brake first needs an alarm."""
-        now = self.ms
-        if self._off_unjudged:
-            if self._told_torque_off():
-                self._off_unjudged = False
-            elif now - self._off_ms > _TOLD_MS and not self._stands_still:
-                self._off_unjudged = False
-                self.say("INV-6", "torque went off with the brake open, and no alarm says so")
-        self._unheld_ms = self._unheld_ms + 1 if self.brake_open else 0
-        # The speed that the load has given stays until the brake has taken it.
-        self._driven_ms = max(self._driven_ms, self._unheld_ms)
-        if self._unheld_ms > self._unheld_max_ms:
-            self.say("INV-6", f"neither torque nor brake for {self._unheld_ms} ms")
-
-    @property
-    def _stands_still(self) -> bool:
-        """The controller stands still, and can tell nothing before it goes on."""
-        return self._held is not None and self._held.went_on is None
-
-    @property
-    def _unheld_max_ms(self) -> float:
-        return 1e3 * (limits.BRAKE_CLOSES_S + self.brake_late_s)
+    def _torque_on(self, now: int) -> None:
+        self._load.torque_on(now)
+        by_person = self._asked is not None and self._asked.power(now)
+        if self._latched is not None and not self._holding():
+            self.say("INV-5", f"torque came on while {self._latched.code} is latched")
+        elif self._shipped and not by_person and not self._holding():
+            self.say("INV-2", "enabled, and nobody asked for it")
 
     def _stopping(self, stop: Stop) -> None:
         """INV-1 while a stop is under way, and the record against which its words are judged."""
@@ -589,12 +415,7 @@ class AxisOracle:
         """The way is beyond what was known of the stop: by the plant that is there, and a brake that is late."""
         from_deg_s = stop.onset.speed / self._deg
         allowed = self._allowed_deg(stop.kind, from_deg_s, way)
-        if (
-            way > allowed
-            and stop.kind is StopClass.QUICK
-            and stop.off is not None
-            and self._told_torque_off()
-        ):
+        if way > allowed and stop.kind is StopClass.QUICK and stop.off is not None and self.told_torque_off():
             # Another cause took the torque off within the ramp: the way until then, and a stop by the brake from there.
             angle, speed = stop.off
             before = abs(angle - stop.onset.angle) / self._deg
@@ -612,38 +433,8 @@ class AxisOracle:
 
     def _allowed_deg(self, kind: StopClass, from_deg_s: float, way: float) -> float:
         """Permitted way of a class: by the machine file, and where that is passed by the plant that is there."""
-        bounds, late_deg = self.bounds, abs(from_deg_s) * self._late_s
+        bounds, late_deg = self.bounds, abs(from_deg_s) * self.known.late_s
         known = bounds.way_deg(kind, from_deg_s) + late_deg
         if way > known and bounds.plant_way_deg is not None:
             known = max(known, bounds.plant_way_deg(kind, from_deg_s) + late_deg)
         return known
-
-    # --- what is told ---------------------------------------------------------------------------------------------
-
-    def _wrong_angle(self, wrong: float) -> None:
-        if not self._feedback_fault():
-            self.fault_injected(feedback=True, at_once=True)
-        if not self._axis.feedback.position_valid:
-            self._wrong_since = None
-        elif self._wrong_since is None:
-            self._wrong_since = self.ms
-        elif self._told_wrong_for_long(wrong, self._wrong_since):
-            told = self._axis.pos_act_rad * 180.0 / math.pi
-            self.say(
-                "INV-7", f"{told:.3f} deg are told, wrong by {wrong / self._deg:.3f} deg, and called valid"
-            )
-
-    def _told_wrong_for_long(self, wrong: float, since_ms: int) -> bool:
-        """Longer than an alarm takes; or than the reading is asked for, where it looks like that of an axis at rest."""
-        little = abs(wrong) <= self.bounds.way_deg(StopClass.FEEDBACK, 0.0) * self._deg
-        if little and self._unasked():
-            return False
-        return (self.ms - since_ms) * 1e-3 > limits.TOLD_WRONG_S
-
-    def _unasked(self) -> bool:
-        """The reading stands, and the controller has had no time to ask it, or may not."""
-        if self.ms <= self._stands_ms:
-            return False
-        # Behind a brake, and under torque that may not be commanded, nobody can ask: the next power-up does.
-        asked = self.brake_open and self._request is _ENABLE and not self._holding()
-        return not asked or self.ms - max(self._stands_ms, self._moved_ms) <= self._answer_ms

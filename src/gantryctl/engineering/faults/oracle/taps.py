@@ -219,8 +219,9 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
             axis = _Now.oracle.axes.get(id(faults))
             if axis is not None:
                 if name == "brake_close_slow_s":
-                    axis.brake_late_s = faults.brake_close_slow_s
-                axis.fault_injected(
+                    axis.known.brake_late_s = faults.brake_close_slow_s
+                axis.known.inject(
+                    axis.now(),
                     feedback=name in _FEEDBACK,
                     at_once=name not in _LATER,
                     no_ramp=name.startswith("brake") or name in ("torque_limit_share", "no_torque"),

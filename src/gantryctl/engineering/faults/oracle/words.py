@@ -23,8 +23,30 @@ class TrueAxis(Protocol):
     ms: int
     angle: float
     speed: float
-    offset: float
-    contact_lies: bool
+    energised: bool
+    brake_open: bool
+
+    @property
+    def offset(self) -> float:
+        """Of the angle that is told, rad at the motor."""
+        ...
+
+    @property
+    def contact_lies(self) -> bool:
+        """The contact of the brake may be late to tell that it is closed."""
+        ...
+
+    def now(self) -> Instant:
+        """What is true now."""
+        ...
+
+    def can_ask(self) -> bool:
+        """The controller may command a speed, and so ask a reading that stands."""
+        ...
+
+    def told_torque_off(self) -> bool:
+        """An alarm says that the torque is off."""
+        ...
 
     def deg(self, motor_rad: float) -> float:
         """An angle or a speed of the motor at the gantry, deg or deg/s."""

@@ -1,0 +1,75 @@
+"""What is known of the faults of one axis: since when they act, and what the axis may do because of them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.engineering.faults.oracle.held import HeldUp
+from gantryctl.engineering.faults.oracle.words import Instant, TrueAxis
+
+# An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
+_CAUSE_MS: Final = 3000
+
+
+class KnownFaults:
+    """Who injects a fault tells it here.
+
+    Attributes:
+        onset: when the last cause began to act; None without.
+        no_ramp: a brake or too little torque takes its ramp from a quick stop, which has the class torque off.
+        pulls_away: the load may be taken away, and the position loop answers.
+        late_s: the axis goes on for so long before a fault shows.
+        brake_late_s: a fault lets the brake close so much later.
+        reading_late_s: a fault delays every telegram of the drive by so much: none carries its time, so behind the gap
+            at the beginning nothing shows it.
+        contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
+            may be told later than it is so.
+        held: the controller stands still, or has stood.
+    """
+
+    def __init__(self) -> None:
+        self.onset: Instant | None = None
+        self.no_ramp = self.pulls_away = self.contact_lies = False
+        self.late_s = self.brake_late_s = self.reading_late_s = 0.0
+        self.held: HeldUp | None = None
+        self._onset_of_feedback = self._disobeys = False
+
+    def inject(
+        self, now: Instant, *, feedback: bool, at_once: bool, no_ramp: bool = False, late_s: float = 0.0
+    ) -> None:
+        """A test spoils something now; a cause that lasts keeps its first onset.
+
+        Args:
+            feedback: the reading is in doubt, or what the drive does with it.
+            at_once: it acts now; else only when something else happens, a quick stop for one.
+            no_ramp, late_s: as the attributes.
+        """
+        self.late_s = max(self.late_s, late_s)
+        self._disobeys = self._disobeys or (feedback and not at_once)
+        self.no_ramp = self.no_ramp or no_ramp
+        self.pulls_away = self.pulls_away or feedback or no_ramp
+        old = self.recent_onset(now.ms) is None
+        if at_once and (old or (feedback and not self._onset_of_feedback)):
+            self.onset, self._onset_of_feedback = now, feedback
+
+    def hold(self, now: Instant, held_s: float) -> None:
+        """The controller stands still from now on for so long."""
+        self.held = HeldUp(now, held_s)
+
+    def recent_onset(self, ms: int) -> Instant | None:
+        """Onset of what may be the cause of an alarm that is told now."""
+        onset = self.onset
+        return onset if onset is not None and ms - onset.ms < _CAUSE_MS else None
+
+    def of_feedback(self, ms: int) -> bool:
+        """A fault of the feedback is known that may still act."""
+        return self._disobeys or (self._onset_of_feedback and self.recent_onset(ms) is not None)
+
+    def held_way_deg(self, true: TrueAxis, since: Instant) -> float:
+        """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
+        return self.held.way_deg(true, since) if self.held is not None and self.of_feedback(true.ms) else 0.0
+
+    @property
+    def stands_still(self) -> bool:
+        """The controller stands still, and can tell nothing before it goes on."""
+        return self.held is not None and self.held.went_on is None

@@ -1,0 +1,118 @@
+"""The speed on the wire: it changes no faster than the ramps (INV-3), and a person asks for it (INV-2)."""
+
+from __future__ import annotations
+
+import math
+
+from gantryctl.engineering.faults.oracle.asked import Asked
+from gantryctl.engineering.faults.oracle.known import KnownFaults
+from gantryctl.engineering.faults.oracle.limits import Bounds
+from gantryctl.engineering.faults.oracle.told import READING_SCANS
+from gantryctl.engineering.faults.oracle.words import TrueAxis
+from gantryctl.program.settings import AxisSettings
+
+
+class SpeedOnWire:
+    """The speed command of one axis, motor side.
+
+    Attributes:
+        vel: the last, rad/s.
+        settled: a slower command is regulation, rad/s.
+    """
+
+    def __init__(self, known: KnownFaults, bounds: Bounds) -> None:
+        self._known, self._bounds = known, bounds
+        self.vel = 0.0
+        self._ms = -1
+        self._step, self._step_rad = "", 0.0
+        self._stray = 0.0
+        self._rest_angle = 0.0
+        # Replaced by `bind`.
+        self._shipped = True
+        self.settled = self._dither = self._sag = self._slope = math.inf
+        self._kpp = 0.0
+
+    def bind(self, settings: AxisSettings, *, shipped: bool) -> None:
+        """From now on a program with these settings commands it; one of somebody's own moves by its own logic."""
+        ratio, ramps = settings.law.ratio, settings.ramps
+        motor_deg = ratio * math.pi / 180.0
+        self._shipped = shipped
+        self._kpp = settings.law.kpp_per_s
+        self.settled = self._bounds.regulation_deg_s * motor_deg
+        self._dither = self._bounds.dither_deg * motor_deg
+        self._sag = self._bounds.sag_deg * motor_deg
+        # Correction of the position loop: Kpp times the speed that the deviation monitor lets pass.
+        correction = settings.law.kpp_per_s * settings.monitors.velocity_deviation_rad_s
+        steepest = max(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2, ramps.acc_rad_s2)
+        self._slope = (steepest + correction) * ratio * 1e-3
+
+    def zero(self, true: TrueAxis) -> None:
+        """No speed is commanded."""
+        self.vel, self._ms, self._step = 0.0, true.ms, ""
+        self._rest_angle = true.angle
+
+    def command(self, true: TrueAxis, vel: float, wrong: float, asked: Asked | None) -> None:
+        """Judge a speed.
+
+        Args:
+            wrong: what the told angle is off by, rad at the motor.
+            asked: what people ask for.
+        """
+        now, before = true.ms, self.vel
+        passed = max(1, now - self._ms)
+        # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
+        slope = self._slope * passed + self.settled + self._kpp * abs(wrong)
+        if self._step or not -slope <= vel - before <= slope:
+            self._stepped(true, before, vel, passed)
+        self.vel, self._ms = vel, now
+        if -self.settled < vel < self.settled:
+            self._rest_angle = true.angle
+        elif asked is not None:
+            asked.at_target_ms = now
+            if now > asked.until_ms:
+                self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
+                self._check_origin(true, asked, vel)
+
+    def _stepped(self, true: TrueAxis, before: float, vel: float, passed: int) -> None:
+        """Judge a speed that changes too fast: from rest, and back at rest within the way of a dither, it is one."""
+        if self._step and -self.settled < vel < self.settled:
+            self._step = ""
+            return
+        if not self._step:
+            if self._known.of_feedback(true.ms):
+                return
+            self._step = f"speed command {true.deg(before):.3f} to {true.deg(vel):.3f} deg/s in {passed} ms"
+            self._step_rad = 0.0 if -self.settled < before < self.settled else math.inf
+        # What moves no further is no motion: 4096 counts forth or back are 0.0025 deg of the reference gantry.
+        self._step_rad += abs(vel) * passed * 1e-3
+        if self._step_rad > self._dither:
+            true.say("INV-3", self._step)
+            self._step = ""
+
+    def _check_origin(self, true: TrueAxis, asked: Asked, vel: float) -> None:
+        """A speed without a person behind it, over more than a dither. Other programs move by their own logic."""
+        if self._stray <= self._dither:
+            return
+        if not self._shipped:
+            asked.until_ms = math.inf
+            return
+        if self._known.of_feedback(true.ms):
+            # The position loop answers what a spoilt reading or a drive that turns the other way shows; the true way of
+            # that is judged by INV-1.
+            return
+        if self._known.pulls_away and self._brings_back(true, vel):
+            return
+        if not asked.held(true.ms, vel):
+            true.say("INV-2", f"{true.deg(vel):.3f} deg/s commanded, and nobody asks for it")
+
+    def _brings_back(self, true: TrueAxis, vel: float) -> bool:
+        """The position loop answers the true way from where the command was last that of an axis at rest.
+
+        So it does long after a drive began to turn the other way, or where a load has become too much for the torque,
+        and nobody has to ask for it, no further than may be moved without a reason. The command of rest may be off by
+        the regulation, a reading on a bus is some scans old.
+        """
+        way = true.angle - self._rest_angle
+        late = 1e-3 * true.scans_ms(READING_SCANS) * abs(true.speed)
+        answers = abs(vel + self._kpp * way) <= self.settled + self._kpp * late
+        return answers and abs(way) <= self._sag
