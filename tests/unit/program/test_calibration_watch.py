@@ -435,3 +435,11 @@ def test_the_mean_of_three_gaps_is_as_sure_as_three_values_make_it() -> None:
         running.add(value)
     assert (running.count, running.mean) == (3, pytest.approx(2.0))
     assert running.deviation == pytest.approx(3.0**-0.5)
+
+
+def test_the_gaps_of_long_ago_count_less_than_the_last_forty() -> None:
+    """After 200 of nothing 40 of 1 leave (1 - 1/40)^40 = 0.363 of the old mean; all alike would be 1/6."""
+    running = _Running()
+    for value in (*(0.0,) * 200, *(1.0,) * 40):
+        running.add(value)
+    assert running.mean == pytest.approx(1.0 - 0.3632, abs=1e-3)

@@ -344,3 +344,27 @@ def test_the_turns_go_on_from_a_position_that_was_set():
     turning.run(2.0)
     assert turning.axis.at_rest
     assert turning.pos_deg == pytest.approx(30.0, abs=ARRIVED_DEG)
+
+
+def test_the_time_at_which_a_motion_ended_stays_when_its_turn_is_taken_off():
+    turning = Rig(config=modulo())
+    turning.power_up()
+    before = turning.axis.zero_counts
+    turning.axis.motion.move_relative(rad(300.0), rad(FAST_DEG_S))
+    end_s = turning.axis.plan_end_s
+    assert end_s > turning.scan * turning.period_s
+    turning.run(2.0)
+    assert turning.axis.zero_counts != before
+    assert turning.axis.plan_end_s == end_s
+
+
+def test_a_motion_without_an_end_never_rests():
+    turning = Rig(config=modulo())
+    turning.power_up()
+    turning.axis.motion.move_velocity(rad(3600.0))
+    turning.run(0.5)
+    for _ in range(100):
+        turning.step()
+        assert not turning.axis.virtual.at_rest
+        assert not turning.output.at_rest
+    assert turning.axis.plan_end_s == math.inf

@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.image import BufferMode, DigitalInputs, Mode
 from gantryctl.program import AxisState, Code
-from gantryctl.program.axis.motion_command import CommandStatus, MotionCommand
+from gantryctl.program.axis.motion_command import CommandStatus, Dynamics, MotionCommand
 from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
 from gantryctl.program.settings import StandstillPolicy, TravelSettings
 from gantryctl.units import rad
@@ -333,3 +333,34 @@ def test_a_command_that_has_not_begun_goes_nowhere():
     )
     assert command.alive
     assert (command.endless, command.settles, command.held) == (False, False, False)
+
+
+def test_half_of_the_speed_is_the_speed_at_half_of_the_override():
+    rig = standing()
+    assert rig.axis.set_override(0.5) is None
+    block = MoveVelocity(rig.axis)
+    call(rig, block, execute=True, velocity_rad_s=rad(2.0))
+    for _ in range(1000):
+        rig.step()
+        assert block.in_velocity is (rig.vel_deg_s >= 1.0 * (1.0 - 1e-9))
+    assert block.in_velocity
+
+
+def test_a_new_speed_of_a_gentle_motion_keeps_its_ramps():
+    """1 deg/s2 of 4: from 1 to 3 deg/s in 2 s."""
+    rig = standing()
+    rig.axis.motion.move_absolute(rad(100.0), rad(1.0), dynamics=Dynamics(acc_rad_s2=rad(1.0)))
+    rig.run(2.0)
+    assert rig.vel_deg_s == approx(1.0)
+    assert rig.axis.motion.change_speed(rig.axis.motion.current, rad(3.0)) is None
+    rig.run(1.0)
+    assert rig.vel_deg_s == approx(2.0, abs=0.002)
+
+
+def test_the_point_of_rest_is_that_of_the_ramp_of_the_machine():
+    """From 2 deg/s at 4 deg/s2 half a degree on, however gently the motion itself would end."""
+    rig = standing()
+    rig.axis.motion.move_absolute(rad(100.0), rad(2.0), dynamics=Dynamics(dec_rad_s2=rad(0.5)))
+    rig.run(2.0)
+    virtual = rig.axis.virtual
+    assert math.degrees(virtual.rest_point_rad() - virtual.pos_ref_rad) == approx(0.5, abs=1e-6)

@@ -160,11 +160,12 @@ def test_no_way_round_leads_into_a_sector() -> None:
 
 
 @BOTH
-def test_a_sector_nearer_to_the_end_of_travel_than_its_clearance_bounds(way: float) -> None:
-    """From 179.95 deg on, with 0.1 deg of clearance; travel ends at 180."""
-    sector = (rad(179.95), rad(190.0)) if way > 0.0 else (rad(-190.0), rad(-179.95))
+@pytest.mark.parametrize("begin_deg", [179.95, 180.05])
+def test_a_sector_nearer_to_the_end_of_travel_than_its_clearance_bounds(way: float, begin_deg: float) -> None:
+    """Before or behind the end of travel at 180 deg, with 0.1 deg of clearance."""
+    sector = (rad(begin_deg), rad(190.0)) if way > 0.0 else (rad(-190.0), rad(-begin_deg))
     travel = TravelSettings(
         rad(-180.0), rad(180.0), rad(-180.5), rad(180.5), no_go_rad=(sector,), no_go_clearance_rad=rad(0.1)
     )
     low, high = reach(travel, 0.0)
-    assert (high if way > 0.0 else low) == pytest.approx(way * 179.85)
+    assert (high if way > 0.0 else low) == pytest.approx(way * (begin_deg - 0.1))

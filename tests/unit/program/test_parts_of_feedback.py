@@ -495,3 +495,36 @@ def test_a_speed_that_comes_after_telegrams_that_did_not_may_have_changed_for_lo
             encoder.scan()
         encoder.scan(speed_deg_s=way * 4.0, brake_open=False)
         assert ("ENC-14" in encoder.codes) is wrong
+
+
+@BOTH
+def test_an_old_reading_does_not_stand(way):
+    """100 ms of one telegram that the bus says is old: late, and no frozen encoder."""
+    encoder = Encoder(speed_deg_s=way * 3.0)
+    stood = encoder.feedback.counts
+    for age in range(1, 100):
+        encoder.scan(counts=stood, age_scans=age)
+    assert "CAN-07" in encoder.codes
+    assert "ENC-02" not in encoder.codes
+    assert encoder.feedback.unchanged_scans == 0
+
+
+def test_a_drive_that_is_lost_is_not_told_as_late():
+    """Its heartbeat is missing: that its telegrams are missing as well is no other cause."""
+    encoder = Encoder()
+    for age in range(1, 60):
+        encoder.scan(
+            counts=encoder.feedback.counts, age_scans=age, link=LinkFlag.LATE | LinkFlag.HEARTBEAT_LOST
+        )
+    assert "CAN-06" in encoder.codes
+    assert "CAN-03" not in encoder.codes
+
+
+def test_a_reading_in_doubt_stays_so_when_the_drive_disobeys():
+    encoder = Encoder()
+    encoder.feedback.in_doubt = True
+    encoder.feedback.disobeyed(Code.CTL_05, measured=1.0, command=0.0, limit=0.5)
+    assert encoder.feedback.in_doubt
+    sound = Encoder()
+    sound.feedback.disobeyed(Code.CTL_05, measured=1.0, command=0.0, limit=0.5)
+    assert not sound.feedback.in_doubt

@@ -172,3 +172,20 @@ def test_the_slowest_speed_is_that_of_the_same_push():
     assert parts.codes == []
     # 70 N m at 0.1 deg/s: less of it is never asked about.
     assert watch.against == approx(-70.0 * rad(0.1))
+
+
+@PERIODS
+def test_the_longest_time_of_an_answer_is_that_of_the_patience_and_four_tries(period_s):
+    """A frozen count is told by then, and not much before: what people are promised is no guess."""
+    parts, watch = lives(period_s)
+    seconds = parts.after(lambda: watch.stand(proven=True), most_s=2.0)
+    assert parts.codes == ["ENC-02"]
+    # The first scan sees the count for the first time; each try begins in a scan of its own.
+    assert 0.0 <= watch.answer_s - seconds <= 4 * period_s
+
+
+def test_a_count_that_stands_because_nothing_newer_came_is_not_tried():
+    parts, watch = lives()
+    parts.feedback.age = 1
+    parts.after(lambda: watch.stand(proven=True), lambda: watch.dithers > 0, most_s=2.0)
+    assert watch.dithers == 0

@@ -60,7 +60,7 @@ def test_a_quick_stop_while_the_brake_closes_takes_the_drive_from_its_commands(p
     assert rig.codes == ["INT-06"]
 
 
-@pytest.mark.parametrize(("phase", "least_s"), [(P.PROVING, 0.0), (P.RELEASING, 0.3)])
+@pytest.mark.parametrize(("phase", "least_s"), [(P.PROVING, 0.0), (P.RELEASING, 0.3), (P.UNLOADING, 0.3)])
 def test_the_load_has_to_come_to_rest_only_where_the_brake_may_be_on_its_way_open(phase, least_s):
     """The contact still says closed; 300 ms of rest are those of a stop by the brake."""
     rig = going(phase)

@@ -212,10 +212,11 @@ def test_the_longest_way_of_a_key_that_is_lost_is_the_lease_and_the_ramp():
     assert deg(program.key_lost_angle_rad()) < slow
     rig.op(override=1.0)
     # What moves faster than the setting counts with its own speed.
-    rig.move(100.0, 6.0)
-    rig.op(speed_rad_s=rad(0.6))
-    rig.run(2.5)
-    assert deg(program.key_lost_angle_rad()) == approx(5.591, abs=0.002)
+    for target_deg in (100.0, -100.0):
+        rig.move(target_deg, 6.0)
+        rig.op(speed_rad_s=rad(0.6))
+        rig.run(4.0)
+        assert deg(program.key_lost_angle_rad()) == approx(5.591, abs=0.002)
 
 
 @pytest.mark.parametrize(("missed", "stops"), [(100, False), (250, True)])

@@ -234,3 +234,15 @@ def test_a_motor_that_is_warm_is_looked_at_ten_times_a_second():
     assert parts.codes == []
     thermal.scan(1.1)
     assert parts.codes == ["THM-01"]
+
+
+def test_a_winding_that_the_model_knows_to_be_warm_is_not_cooled_by_a_sensor_that_shows_less():
+    """Ten time constants of 0.7 of the rated torque are 0.49; 40 C is no rise at all."""
+    parts = Parts()
+    thermal = MotorThermal(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.torque_nm = 0.7 * RATED_NM
+    thermal.scan(10.0 * TAU_S)
+    parts.feedback.motor_temp_c = 40.0
+    for look in (0.2, 0.4, 0.6):
+        thermal.scan(10.0 * TAU_S + look)
+    assert thermal.share == pytest.approx(0.49, abs=1e-3)

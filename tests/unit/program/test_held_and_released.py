@@ -1,0 +1,197 @@
+"""HOLD and the way out of it, stops while the brake is still shut, and a load that falls where nothing may hold it."""
+
+import pytest
+
+from gantryctl.image import DigitalInputs, DriveRequest, DriveState
+from gantryctl.program.settings import StandstillPolicy
+from unit.program.brake_rig import TestRig
+from unit.program.parts import BOTH
+from unit.program.power_steps import P, held_again, record, slip
+from unit.program.rig import Rig, settings
+
+approx = pytest.approx
+HOLDS = {"holding_torque_nm": 12.0}
+
+
+@pytest.mark.parametrize("phase", [P.ENABLING, P.PROVING, P.SETTLING])
+def test_a_quick_stop_before_the_release_never_opens_the_brake(phase):
+    """Nothing moves there, so the drive is disabled at once."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is phase, 1.0)
+    rig.op(quick_stop=True)
+    for _ in range(300):
+        rig.step()
+        assert not rig.output.brake_open
+        assert rig.output.request is DriveRequest.DISABLE
+    assert rig.axis.is_off
+
+
+@pytest.mark.parametrize("phase", [P.RELEASING, P.SAG_WATCH])
+def test_a_quick_stop_while_the_brake_opens_keeps_the_torque_until_the_brake_is_shut(phase):
+    """The brake may be half open: the drive stops the load on its ramp, and holds it for the 150 ms of closing."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is phase, 1.0)
+    if phase is P.RELEASING:
+        rig.spoil = lambda drive: drive._replace(brake_open=False)
+    rig.op(quick_stop=True)
+    seen = [each for each, _ in record(rig, 1.0)]
+    assert seen == [P.QUICK_STOPPING, P.CLOSING, P.UNLOADING, P.DISABLING, P.OFF]
+
+
+def test_a_load_that_falls_where_no_torque_may_come_back_is_told_once_it_is_far():
+    """The chain is open: a brake that slips by more than 0.02 deg gets no torque; beyond 0.15 deg the load falls."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.run(0.1)
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.run(0.1)
+    slip(rig, 0.1)
+    assert rig.codes == ["INT-03", "BRK-04"]
+    slip(rig, 0.1)
+    assert rig.codes == ["INT-03", "BRK-04", "BRK-13"]
+    assert rig.output.request is DriveRequest.DISABLE
+
+
+def test_a_load_at_90_deg_is_held_as_one_at_0_deg():
+    """Its way counts from where HOLD began."""
+    rig = Rig(at_deg=90.0, config=settings(**HOLDS))
+    rig.run(0.5)
+    slip(rig, 0.021)
+    rig.run(0.5)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    assert rig.codes == ["BRK-04"]
+
+
+@BOTH
+def test_hold_gives_back_the_torque_of_the_release_and_not_what_was_learned_since(way):
+    """The drive adds it to its own loop, whose integrator has the 8 N m that came on top."""
+    rig = Rig(config=settings(holding_torque_nm=way * 12.0))
+    rig.power_up()
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=way * 20.0)
+    rig.run(4.0)
+    assert rig.axis.holding_torque_nm == approx(way * 20.0, abs=0.5)
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING)
+    rig.spoil = None
+    slip(rig, 0.021)
+    rig.run(0.01)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    assert rig.output.torque_ff_nm == approx(way * 12.0)
+
+
+def test_hold_ends_with_a_drive_that_gives_no_torque_within_2_s():
+    """Nobody holds the load: the brake alone has it, and people are told."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.run(0.1)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCH_ON_DISABLED)
+    slip(rig, 0.021)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    rig.run(1.95)
+    assert rig.codes == ["BRK-04"]
+    rig.run(0.1)
+    assert rig.codes == ["BRK-04", "DRV-03"]
+    assert rig.output.request is DriveRequest.DISABLE
+    assert rig.output.torque_ff_nm == 0.0
+
+
+def test_after_a_hold_the_torque_goes_off_in_steps_and_a_brake_that_slips_again_gets_it_back():
+    rig = held_again()
+    rig.run(0.3)
+    rig.program.service = True
+    rig.op(reset=True)
+    rig.op(reset=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING, 0.5)
+    slip(rig, 0.021)
+    rig.run(0.01)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    rig.run(0.3)
+    rig.op(reset=True)
+    assert [phase for phase, _ in record(rig, 1.0)] == [P.CLOSING, P.UNLOADING, P.DISABLING, P.OFF]
+
+
+@pytest.mark.parametrize("parked", [True, False])
+def test_a_contact_that_says_open_behind_a_brake_that_was_shut_is_told(parked):
+    """150 ms to close and 300 ms for the contact are long over."""
+    config = settings(standstill=StandstillPolicy.BRAKE, hold_brake_after_s=0.3, **HOLDS)
+    rig = Rig(config=config)
+    rig.power_up()
+    if parked:
+        rig.until(lambda: rig.axis.power.phase is P.PARKED, 3.0)
+    else:
+        rig.op(power=False)
+    rig.run(1.0)
+    assert rig.codes == []
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.run(0.01)
+    assert "BRK-06" in rig.codes
+
+
+@BOTH
+def test_a_brake_of_the_controller_that_gives_way_as_it_takes_over_is_told_at_0_02_deg(way):
+    """Only behind a drive that owns its brake a gear may unwind."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.is_off, 2.0)
+    slip(rig, way * 0.019)
+    assert rig.codes == []
+    slip(rig, way * 0.003)
+    assert rig.codes == ["BRK-03"]
+
+
+def test_a_slip_behind_a_stop_is_not_one_of_the_hand_over_before_it():
+    """The brake took the load over in the first cycle; in the second the chain was opened, and then it gave way."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.power_up()
+    rig.op(power=False)
+    rig.run(1.0)
+    rig.power_up()
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.until(lambda: rig.axis.is_off, 2.0)
+    slip(rig, 0.025)
+    assert rig.codes == ["INT-03", "BRK-04"]
+
+
+@pytest.mark.parametrize("state", [DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE])
+def test_a_drive_that_keeps_its_torque_is_not_off(state):
+    """It is told 350 ms after the brake was shut."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.DISABLING, 2.0)
+    rig.spoil = lambda drive: drive._replace(state=state)
+    rig.run(0.3)
+    assert not rig.axis.is_off
+    assert rig.codes == []
+    rig.run(0.1)
+    assert rig.codes == ["DRV-03"]
+
+
+# --- the brake test ---------------------------------------------------------------------------------------------------
+
+
+def test_a_test_whose_brake_the_drive_has_opened_ends_only_when_the_drive_is_off():
+    """Until then its torque is on: the result comes with the drive disabled, or as DRV-03 after 350 ms."""
+    rig = Rig(config=settings(test_torque_nm=65.0, brake_by_drive=True, **HOLDS))
+    rig.run(0.05)
+    rig.op(brake_test=True)
+    rig.op(brake_test=False)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED, brake_open=True)
+    rig.run(0.2)
+    assert rig.axis.brake_test.under_way
+    assert rig.axis.power.phase is P.DISABLING
+    assert rig.output.request is DriveRequest.DISABLE
+    rig.spoil = None
+    rig.run(0.01)
+    assert not rig.axis.brake_test.under_way
+    assert rig.axis.is_off
+
+
+def test_a_brake_test_may_ask_for_more_than_the_rated_torque_for_its_seconds():
+    """A brake that takes all back: 30 N m of load, and twice 120; the motor has 385 for a short time, 257 for good."""
+    rig = TestRig(config=settings(test_torque_nm=120.0, holding_torque_nm=30.0))
+    rig.begin()
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=30.0)
+    rig.run(1.4)
+    assert max(rig.torques) == approx(270.0)
