@@ -13,8 +13,9 @@ Twenty names for scripts and notebooks; everything else is in the packages they 
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from gantryctl.lazy import importer
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.job import run_accuracy as run_accuracy
@@ -62,16 +63,9 @@ _HOME = {
 }
 
 __all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    """Import a name when it is first used: `import gantryctl` alone costs nothing."""
-    home = _HOME.get(name)
-    if home is None:
-        raise AttributeError(f"module 'gantryctl' has no attribute {name!r}")
-    value = getattr(importlib.import_module(home), name)
-    globals()[name] = value
-    return value
+# `import gantryctl` alone costs nothing.
+if not TYPE_CHECKING:  # so that mypy refuses other names
+    __getattr__ = importer(globals(), _HOME)
 
 
 def __dir__() -> list[str]:

@@ -12,13 +12,15 @@ import os
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.files import indented_json, remove_drafts, write_whole
-from gantryctl.machine import Machine, identity_hash
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
 from gantryctl.trace.naming import oldest_first
+
+if TYPE_CHECKING:
+    from gantryctl.machine import Machine
 
 STATE_VARIABLE: Final = "GANTRYCTL_STATE"
 _PLANT_FILE: Final = "plant.json"
@@ -106,6 +108,9 @@ def plant_hash(machine: Machine) -> str:
 
 def state_hash(machine: Machine) -> str:
     """Hash of everything that retained memory and plant mean something by: gear, motor, encoder, plant."""
+    # Who reads recordings and journals has no machine: its tables take a tenth of a second.
+    from gantryctl.machine import identity_hash
+
     # Zero and rest position are counts of this encoder behind this gear; the bus that leads to it may be another one.
     return f"{identity_hash(machine)}-{plant_hash(machine)}"
 

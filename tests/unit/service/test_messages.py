@@ -8,7 +8,6 @@ import pytest
 
 from gantryctl.image import Mode
 from gantryctl.service.protocol.messages import (
-    ARMABLE,
     FIELDS,
     MESSAGES,
     SETTABLE,
@@ -21,6 +20,7 @@ from gantryctl.service.protocol.messages import (
     checked,
     parse,
 )
+from gantryctl.service.protocol.roles import ARMABLE
 
 STAMP: dict[str, Any] = {"seq": 1, "frame": "2-0123456789abcdef", "epoch": 3}
 LEASE = "0123456789abcdef"

@@ -22,14 +22,13 @@ from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.refusals import FIRST_S, LONGEST_S, RESERVE, ROW_S, RefusalLog
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import (
-    ARMABLE,
     SETTABLE,
     Identity,
     Message,
     MessageRefused,
     action_of,
 )
-from gantryctl.service.protocol.roles import Role, may
+from gantryctl.service.protocol.roles import ARMABLE, Role, may
 from support.marks import UNKNOWN
 from support.service_bench import Bench, ring
 

@@ -1,4 +1,4 @@
-"""What a process loads: the controller of a machine on a bus no simulator, a simulation no bus."""
+"""What a process loads: a controller on a bus no simulator, a simulation no bus, a recorder no machine."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import pytest
 
 import gantryctl.wiring
 
-MODULES_MAX = 227
+MODULES_MAX = 228
 """Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger and the
 nodes beside the drive came, 203 before the power sequence got its parts,
 208 before requirement, turns of a modulo axis and no-go sectors, 216 before the further blocks of PLCopen and
 of IEC 61131-3, 224 before frames were sealed and unclean ends told,
-226 before power that nobody holds was switched off."""
+226 before power that nobody holds was switched off, 227 before `gantryctl.lazy`."""
 
 ON_BUS = """
 from gantryctl.service.controller import process
@@ -50,8 +50,11 @@ build_engine(default_machine()).run_for(0.1)
 
 
 def loaded(script: str) -> list[str]:
-    """Our modules, and python-can, that a new process has loaded at the end of a script."""
-    end = "\nimport json, sys\nprint(json.dumps([m for m in sys.modules if m.split('.')[0] in ('gantryctl', 'can')]))"
+    """Our modules, python-can and pydantic, that a new process has loaded at the end of a script."""
+    looked_for = ("gantryctl", "can", "pydantic")
+    end = (
+        f"\nimport json, sys\nprint(json.dumps([m for m in sys.modules if m.split('.')[0] in {looked_for}]))"
+    )
     done = subprocess.run([sys.executable, "-c", script + end], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found: list[str] = json.loads(done.stdout.splitlines()[-1])
@@ -86,6 +89,23 @@ def test_a_simulation_loads_no_bus() -> None:
         of(("can", "gantryctl.drives.canopen", "gantryctl.drives.virtual", "gantryctl.service"), modules)
         == []
     )
+
+
+def test_the_recorder_loads_neither_machine_nor_program() -> None:
+    """It writes what others tell; the tables of the machine file would make its start three times as long."""
+    modules = loaded("import gantryctl.service.recorder.process")
+    assert (
+        of(
+            ("pydantic", "gantryctl.machine", "gantryctl.program.axis.axis", "gantryctl.program.gantry"),
+            modules,
+        )
+        == []
+    )
+
+
+def test_the_gateway_loads_neither_machine_nor_program() -> None:
+    modules = loaded("import gantryctl.gateway.app, gantryctl.gateway.server")
+    assert of(("gantryctl.machine", "gantryctl.program.axis.axis", "gantryctl.program.gantry"), modules) == []
 
 
 def test_the_wiring_has_no_classes() -> None:

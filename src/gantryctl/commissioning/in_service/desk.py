@@ -35,8 +35,8 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import publish_fast, publish_json
 from gantryctl.service.protocol.limits import SILENCE_S, WATCHED_S, key_limits
-from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
-from gantryctl.service.protocol.roles import Action
+from gantryctl.service.protocol.messages import Identity, MessageRefused
+from gantryctl.service.protocol.roles import ARMABLE, Action
 from gantryctl.service.protocol.tags import CommissioningPhase
 
 # Between two looks into the rings; the tags go out with every second one.

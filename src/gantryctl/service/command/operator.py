@@ -25,7 +25,8 @@ from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import Situation
 from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.protocol.limits import HELD_S, SILENCE_S, key_limits
-from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
+from gantryctl.service.protocol.messages import Identity, MessageRefused
+from gantryctl.service.protocol.roles import ARMABLE
 from gantryctl.units import deg, rad
 
 # Refusing takes time too: a flood of commands must not make a scan late.

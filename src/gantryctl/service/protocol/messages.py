@@ -14,7 +14,7 @@ from gantryctl.program.alarms.log import Refusal, to_wire
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.protocol.frames import MARK_PATTERN
 from gantryctl.service.protocol.limits import MESSAGE_MAX
-from gantryctl.service.protocol.roles import Action, Role
+from gantryctl.service.protocol.roles import ARMABLE, Action, Role
 
 
 class MessageRefused(GantryctlError):
@@ -81,13 +81,6 @@ SETTABLE: Final = {
     "acc_setting_deg_s2": Action.ACCELERATION,
 }
 
-# What `arm` takes, with the action that it is.
-ARMABLE: Final = {
-    "brake_test": Action.BRAKE_TEST,
-    "reset_locked": Action.RESET_LOCKED,
-    "commission": Action.COMMISSION,
-}
-
 # Type of a line of the shift log, and kind of its event, whose text is the line.
 NOTE: Final = "note"
 # Characters of a line of the shift log: with four bytes each it fits the text of an event.
@@ -111,7 +104,7 @@ class Untimed(BaseModel):
     """Keys of every message. Stopping and letting go are never too late: frame and epoch are not read."""
 
     # Strict: a string is no number and True is no 1, whatever a language of clients makes of it (SEC-05).
-    model_config = ConfigDict(strict=True, extra="forbid")
+    model_config = ConfigDict(strict=True, extra="forbid", defer_build=True)
     seq: Whole
     frame: Any = None
     epoch: Any = None

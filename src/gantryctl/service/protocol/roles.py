@@ -86,6 +86,14 @@ RIGHTS: Final[dict[Action, Right]] = {
 }
 
 
+ARMABLE: Final = {
+    "brake_test": Action.BRAKE_TEST,
+    "reset_locked": Action.RESET_LOCKED,
+    "commission": Action.COMMISSION,
+}
+"""What `arm` takes, with the action that it is."""
+
+
 def may(role: Role, action: Action) -> bool:
     """Whether a role may do an action."""
     right = RIGHTS.get(action)

@@ -10,7 +10,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from gantryctl.image import DriveState, Mode
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
-from gantryctl.service.protocol.messages import ARMABLE
+from gantryctl.service.protocol.roles import ARMABLE
 
 Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "pairs", "rows", "messages"]
 Rate: TypeAlias = Literal["20 Hz", "1 Hz", "on change"]
