@@ -1,0 +1,157 @@
+"""Rules that look at two ends, two ramps or two directions: each of the two alone breaks them; figures by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.errors import ConfigError
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine.rules.parts import rigid_inertia_kg_m2, torque_motors
+from gantryctl.machine.rules.reaction import silent_speed_max_deg_s, silent_way_deg
+from support.modulo_machine import modulo_machine
+
+MACHINE = default_machine()
+CAN = {"drive.kind": "canopen", "control.scan_period_ms": 4.0}
+# 9 deg between switch and stop at the end that is not looked at, so that it leaves more room.
+WIDE_BELOW = {"axis.mechanical_stop_min_deg": -191.0}
+WIDE_ABOVE = {"axis.mechanical_stop_max_deg": 191.0}
+
+
+def broken(changes: dict[str, object]) -> set[str]:
+    """Names of the rules that a machine breaks, of one with those keys."""
+    try:
+        with_values(MACHINE, changes)
+    except ConfigError as error:
+        return set(error.problems)
+    return set()
+
+
+@pytest.mark.parametrize("end", ["over_travel_min_deg", "over_travel_max_deg"])
+@pytest.mark.parametrize(("room_deg", "fits"), [(0.031, True), (0.029, False)])
+def test_the_following_error_trips_before_over_travel_at_either_end(
+    end: str, room_deg: float, fits: bool
+) -> None:
+    """0.03 deg at rest."""
+    side = -1.0 if "min" in end else 1.0
+    lines = broken({f"axis.{end}": side * (180.0 + room_deg)})
+    assert (not any("following_error_base_deg" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize("wide", [WIDE_BELOW, WIDE_ABOVE], ids=["above", "below"])
+@pytest.mark.parametrize(("timeout_ms", "fits"), [(277.0, True), (279.0, False)])
+def test_the_heartbeat_stops_the_axis_before_either_stop(
+    wide: dict[str, object], timeout_ms: float, fits: bool
+) -> None:
+    """5 deg from switch to stop, 3.333 of them for the quick stop: 1.667 deg at 6 deg/s are 277.8 ms."""
+    lines = broken(CAN | wide | {"can.heartbeat_timeout_ms": timeout_ms})
+    assert (not any("heartbeat_timeout_ms" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(
+    ("bases", "fits"), [((-179.0, 90.0), True), ((-180.0, 90.0), False), ((-90.0, 180.0), False)]
+)
+def test_bases_lie_within_both_ends_of_travel(bases: tuple[float, ...], fits: bool) -> None:
+    lines = broken({"accuracy.bases_deg": bases})
+    assert (not any("bases_deg" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize("ramp", ["acc_deg_s2", "dec_deg_s2"])
+@pytest.mark.parametrize(("jerk", "fits"), [(0.101, True), (0.099, False)])
+def test_the_jerk_reaches_either_ramp_within_10_s(ramp: str, jerk: float, fits: bool) -> None:
+    """1 deg/s2 of one, 0.4 of the other."""
+    lines = broken(
+        {
+            "virtual_axis.profile": "jerk_limited",
+            "virtual_axis.jerk_deg_s3": jerk,
+            f"virtual_axis.{ramp}": 1.0,
+        }
+    )
+    assert (not any("[virtual_axis] jerk_deg_s3" in line.partition(";")[0] for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("power_kw", "fits"), [(27.9, True), (27.8, False), (34.0, True), (34.1, False)])
+def test_the_name_plate_agrees_to_10_percent_either_way(power_kw: float, fits: bool) -> None:
+    """257 N m at 1150 r/min are 30.949 kW: 27.85 to 34.04."""
+    lines = broken({"motor.power_rated_kw": power_kw})
+    assert (not any("[motor] power_rated_kw" in line.partition(";")[0] for line in lines)) is fits
+
+
+@pytest.mark.parametrize(
+    ("sectors", "fits"),
+    [
+        ([[10.0, 20.0]], True),
+        ([[10.0, 10.0]], False),
+        ([[-180.0, 180.0]], False),
+        # From 175 on to the next turn's -178: 7 deg; what is left before 10 deg.
+        ([[10.0, 20.0], [175.0, -178.0]], True),
+        ([[10.0, 20.0], [175.0, 9.0]], True),
+        ([[10.0, 20.0], [175.0, 9.5]], False),
+    ],
+)
+def test_sectors_of_an_axis_without_ends_leave_a_degree_all_round(
+    sectors: list[list[float]], fits: bool
+) -> None:
+    if fits:
+        assert isinstance(modulo_machine({"axis.no_go_deg": sectors}), Machine)
+    else:
+        with pytest.raises(ConfigError, match="no_go_deg"):
+            modulo_machine({"axis.no_go_deg": sectors})
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_way_of_a_silent_controller_is_that_of_either_direction(way: float) -> None:
+    """3 deg/s: 0.3 deg in 100 ms, and 9 / 10.8 of the quick stop."""
+    assert silent_way_deg(MACHINE, way * 3.0, 100.0) == pytest.approx(0.3 + 9.0 / 10.8)
+
+
+def test_the_highest_speed_of_a_brake_stop_uses_the_permitted_angle_and_no_more() -> None:
+    """A load of 50 kN m drives while the brake closes; 4 deg are permitted."""
+    fastest = silent_speed_max_deg_s(MACHINE, 200.0, brake=True)
+    assert 0.0 < fastest < 6.0
+    assert silent_way_deg(MACHINE, fastest, 200.0, brake=True) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("turns", "fits"), [(1176, True), (1175, False)])
+def test_the_encoder_has_its_wrap_margin_at_either_end(turns: int, fits: bool) -> None:
+    """360 deg of travel and twice 5 deg are 1175.8 turns of the motor."""
+    lines = broken(CAN | {"encoder.turns": turns})
+    assert (not any("travel plus the wrap margin on both sides" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("turns", "fits"), [(4, True), (2, False)])
+def test_three_scans_at_the_trip_are_a_quarter_of_the_range_of_the_encoder(turns: int, fits: bool) -> None:
+    """30 ms at 6.6 deg/s are 0.63 turns of the motor, a quarter of 2.5."""
+    lines = broken({"control.scan_period_ms": 10.0, "encoder.turns": turns})
+    assert (not any("a wrap is no more known from a motion" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("second", "inertia_kg_m2"), [(False, 2.02774), (True, 2.38974)])
+def test_a_second_pinion_brings_its_rotor_along(second: bool, inertia_kg_m2: float) -> None:
+    """2.18e6 kg m2 behind 1144 are 1.66574; a rotor with its wave generator has 0.362."""
+    machine = with_values(MACHINE, {"plant.switches.second_pinion": second})
+    assert rigid_inertia_kg_m2(machine) == pytest.approx(inertia_kg_m2, rel=1e-5)
+
+
+@pytest.mark.parametrize(("lost", "count"), [("none", 2), ("first", 1), ("second", 1)])
+def test_a_motor_that_is_lost_gives_no_torque_for_a_stop(lost: str, count: int) -> None:
+    machine = with_values(MACHINE, {"plant.switches.second_pinion": True})
+    pinion = machine.plant.second_pinion.model_copy(update={"lost": lost})
+    plant = machine.plant.model_copy(update={"second_pinion": pinion})
+    assert torque_motors(machine.model_copy(update={"plant": plant})) == count
+
+
+@pytest.mark.parametrize(
+    ("limit_nm", "fits"), [(0.0, True), (365.0, False), (366.0, True), (385.0, True), (386.0, False)]
+)
+def test_a_torque_limit_in_the_drive_is_that_of_the_machine_or_5_percent_less(
+    limit_nm: float, fits: bool
+) -> None:
+    """95 % of 385 N m are 365.75."""
+    lines = broken(CAN | {"can.torque_limit_in_drive_nm": limit_nm})
+    assert (not any("torque_limit_in_drive_nm" in line.partition(";")[0] for line in lines)) is fits
+
+
+def test_a_sector_over_the_end_of_the_turn_takes_its_part_of_either_side() -> None:
+    """From 150 on to -170 deg: what is left of -180 to 180 is -170 to 150."""
+    axis = modulo_machine({"axis.no_go_deg": [[150.0, -170.0]]}).axis
+    assert axis.home_stretch_deg == (-170.0, 150.0)
