@@ -256,3 +256,8 @@ def test_a_travel_far_from_0_deg_is_read_on_its_own_branch() -> None:
     for angle_deg in (410.0, 690.0):
         raw = (1000 + angle_deg / scale.deg_per_count) % scale.range_counts
         assert (scale.unwrapped(raw, 1000) - 1000) * scale.deg_per_count == approx(angle_deg, abs=1e-6)
+
+
+def test_a_zero_of_no_encoder_is_not_that_of_this_one() -> None:
+    """A memory that does not say whose zero it holds proves nothing."""
+    assert verdict(0.0, replace(REST, encoder_serial="")) is RestVerdict.OTHER_ENCODER

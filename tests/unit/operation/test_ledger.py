@@ -268,6 +268,9 @@ def test_a_measured_ramp_goes_into_the_stops() -> None:
     row = row_of("ramps_quick_stop", facts)
     assert (row.standing, row.proof) == (Standing.LACKING, "ramp")
     measured = Proofs(frozenset({"silence", "sign", "ramp"}), measured={"quick_stop_dec_deg_s2": 4.0})
+    # A figure of a step that has not passed shows nothing.
+    unproven = Proofs(frozenset({"silence", "sign"}), measured={"quick_stop_dec_deg_s2": 4.0})
+    assert row_of("ramps_quick_stop", facts, proofs=unproven).standing is Standing.LACKING
     row = row_of("ramps_quick_stop", facts, proofs=measured)
     assert (row.standing, str(row.by), row.speed_max_deg_s) == (Standing.PROVEN, "step ramp", 5.4)
     assert "4.86 deg from 6 deg/s" in str(row.detail)
@@ -280,7 +283,8 @@ def test_what_is_read_only_is_judged_by_its_value() -> None:
     assert all(row.standing in (Standing.OBJECT, Standing.PROVEN) for row in ledger(REAL, right, ALL_PROVEN))
     # Held instead of switched off after the ramp: the ramp is the same.
     assert row_of("ramps_quick_stop", changed(FACTS, o605A=6)).standing is Standing.OBJECT
-    assert row_of("ramps_quick_stop", changed(FACTS, o605A=0)).standing is Standing.LACKING
+    for option in (0, 1, 5):
+        assert row_of("ramps_quick_stop", changed(FACTS, o605A=option)).standing is Standing.LACKING
     # A fault without a ramp: 0.3 deg in 50 ms, then torque off and brake.
     assert "torque off and brake" in str(row_of("stops_without_controller", changed(FACTS, o605E=0)).detail)
     # 605B is asked for nothing.

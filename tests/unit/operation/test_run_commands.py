@@ -322,3 +322,27 @@ def test_an_axis_without_ends_stays_within_its_turn_unless_a_direction_is_named(
     assert back.to_s - back.from_s > 340.0 / 6.0
     assert short.to_s - short.from_s < 10.0
     run.close("done")
+
+
+def test_the_rest_is_forgotten_as_power_comes_on_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is killed from then on leaves no rest that a turning axis may have left."""
+    run = AxisRun(IDEAL)
+    forgotten: list[bool] = []
+    monkeypatch.setattr(run._memory, "forget_rest", lambda: forgotten.append(run.axis.is_off))
+    run.follow(0.1)
+    assert forgotten == []
+    run.power_up()
+    run.power_up()
+    assert forgotten == [True]
+    run.close("done")
+
+
+def test_a_rest_is_kept_within_all_turns_of_the_encoder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """4096 turns of 2^22 counts."""
+    run = AxisRun(IDEAL)
+    run.follow(0.1)
+    asked: list[tuple[int, int]] = []
+    monkeypatch.setattr(run._memory, "rest_keeper", lambda counts, span: asked.append((counts, span)))
+    run.rest_keeper()
+    assert asked == [(int(run.drive.read().pos_act_counts), 4096 * 4_194_304)]
+    run.close("done")

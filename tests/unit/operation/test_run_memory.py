@@ -135,3 +135,11 @@ def test_a_linear_axis_on_a_bus_keeps_its_rest_also_under_power() -> None:
     axis.power.switch_on()
     assert not axis.is_off
     assert retained_after(REAL, REST, axis, Left(RAW), END).rest_position_counts == int(RAW)
+
+
+def test_a_zero_lies_within_the_range_of_the_encoder() -> None:
+    """The axis counts on over the wrap, and so does its zero."""
+    axis = an_axis()
+    for beyond in (SCALE.range_counts + 7.0, 7.0 - SCALE.range_counts):
+        axis.zero_counts = beyond
+        assert retained_after(MACHINE, REST, axis, Left(RAW), END).zero_offset_counts == 7
