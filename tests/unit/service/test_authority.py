@@ -106,3 +106,16 @@ def test_before_anybody_has_control_no_round_trip_is_known() -> None:
     fresh = Authority(7)
     assert fresh.round_trip.shortest_s(100.0) == math.inf
     assert not fresh.silent(1e9)
+
+
+def test_two_screens_of_one_person_are_two() -> None:
+    """Control is that of a connection: what the other screen shows may be old, and nobody stands before it."""
+    authority = held_by(PAGE)
+    second = PAGE._replace(client="second")
+    assert authority.holds(PAGE)
+    assert not authority.holds(second)
+    authority.alive(second, 110.0)
+    assert authority.silent(110.0)
+    refused = authority.take(second, over=False, at_rest=True, now_s=110.0)
+    assert refused is not None
+    assert refused.code == "SEC-07"

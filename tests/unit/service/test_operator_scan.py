@@ -42,6 +42,39 @@ def test_a_stop_voids_a_move_of_its_own_scan() -> None:
     assert bench.axis.virtual.pos_ref_rad == here
 
 
+def test_a_stop_acts_in_the_scan_without_edges_behind_a_command() -> None:
+    """Other commands wait there, so that each level is seen to fall; a stop waits for nothing."""
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.send(who, "move", target_deg=20.0)
+    bench.scans(1)
+    waits = bench.send(who, "set", tag="increment_deg", value=2.0)
+    stop = bench.send(bench.who(Role.VIEWER), "stop")
+    bench.scans(1)
+    assert bench.operator.levels.stop
+    found = replied(bench)
+    assert found[stop] == ""
+    assert waits not in found
+
+
+def test_a_command_that_comes_twice_is_carried_out_once() -> None:
+    """Repeated by the network, or by somebody who has seen it: its number is used."""
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "set", tag="increment_deg", value=2.0)
+    first = bench.send(who, "set", tag="speed_setting_deg_s", value=3.0)
+    bench.scans(3)
+    assert replied(bench)[first] == ""
+    bench.do(who, "set", tag="speed_setting_deg_s", value=1.0)
+    bench.seq = first - 1
+    assert bench.send(who, "set", tag="speed_setting_deg_s", value=3.0) == first
+    bench.scans(3)
+    assert replied(bench)[first] == "SEC-04"
+    assert bench.operator.setting("speed_setting_deg_s") == pytest.approx(1.0)
+
+
 def test_who_has_gone_does_not_keep_control_while_others_send() -> None:
     bench = Bench()
     who = bench.who()
