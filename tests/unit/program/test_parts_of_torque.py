@@ -254,6 +254,31 @@ def test_half_of_the_brakes_torque_that_comes_and_stays_is_the_brake(
 
 
 @BOTH
+def test_a_motor_that_turns_its_own_brake_is_back_at_its_command_and_still_held(way):
+    """Off its command in one scan; then 205 N m more stay for 30 ms, at the speed that was asked for."""
+    parts = Parts()
+    watch = watched(parts)
+    parts.turn(way * 3.0)
+    watch.scan(rad(-way * 0.06), 0.0)
+    parts.feedback.torque_nm = way * 205.0
+    parts.after(lambda: watch.scan(0.0, 0.0), most_s=0.031)
+    assert parts.codes == ["BRK-14"]
+
+
+@BOTH
+def test_a_drive_that_reports_no_torque_is_not_judged_by_it(way):
+    """Its reading is nothing, and so it stays, whatever the shaft does."""
+    parts = Parts(torque_preload=False)
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    parts.after(lambda: watch.scan(rad(-way * 0.3), 0.0), most_s=0.5)
+    parts.feedback.state = DriveState.SWITCH_ON_DISABLED
+    parts.feedback.torque_nm = 100.0
+    parts.after(watch.scan_released, most_s=0.5)
+    assert parts.codes == []
+
+
+@BOTH
 def test_torque_against_the_motion_is_no_brake(way):
     parts = Parts()
     watch = watched(parts)

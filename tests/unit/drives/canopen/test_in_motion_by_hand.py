@@ -46,6 +46,16 @@ def test_a_brake_at_an_output_is_closed_after_its_time() -> None:
     assert seen == [True] * (CLOSING - 1) + [False]
 
 
+def test_a_brake_that_is_to_open_is_shut_until_the_drive_turns() -> None:
+    """Its release waits for Operation enabled: nothing has opened it yet."""
+    brake = BrakeControl(settings(brake_owner="object_60FE"))
+    for state in (S.SWITCH_ON_DISABLED, S.READY_TO_SWITCH_ON, S.SWITCHED_ON):
+        brake.word(0x07, state, ON, True)
+        assert not brake.is_open(state, None)
+    brake.word(0x0F, ENABLED, ON, True)
+    assert brake.is_open(ENABLED, None)
+
+
 @pytest.mark.parametrize("owner", ["drive", "object_60FE"])
 @pytest.mark.parametrize("contact", [True, False])
 def test_the_contact_is_believed_before_everything_else(owner: str, contact: bool) -> None:

@@ -30,6 +30,18 @@ def statuswords(bench: Bench, monkeypatch: pytest.MonkeyPatch, change: Callable[
     monkeypatch.setattr(bench.link, "receive", changed)
 
 
+def show_mode_of_positions(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each answer about 6061 says 8 from now on."""
+    receive = bench.link.receive
+
+    def answered(wait: float) -> Frame | None:
+        frame = receive(wait)
+        mode = frame is not None and (frame.can_id, frame.data[:4].hex(" ")) == (0x582, "4f 61 60 00")
+        return Frame(0x582, bytes.fromhex("4F 61 60 00 08 00 00 00")) if mode else frame
+
+    monkeypatch.setattr(bench.link, "receive", answered)
+
+
 def sent_from_now(bench: Bench, monkeypatch: pytest.MonkeyPatch, can_id: int) -> list[str]:
     """Data of the frames with an identifier, in hexadecimal."""
     sent: list[str] = []
@@ -132,18 +144,25 @@ def test_a_drive_has_a_second_to_follow(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_drive_in_another_mode_is_not_enabled(monkeypatch: pytest.MonkeyPatch) -> None:
     """6061 is asked for every 0.1 s; 8 is a mode of positions."""
     bench = Bench().open()
-    receive = bench.link.receive
-
-    def answered(wait: float) -> Frame | None:
-        frame = receive(wait)
-        mode = frame is not None and (frame.can_id, frame.data[:4].hex(" ")) == (0x582, "4f 61 60 00")
-        return Frame(0x582, bytes.fromhex("4F 61 60 00 08 00 00 00")) if mode else frame
-
-    monkeypatch.setattr(bench.link, "receive", answered)
+    show_mode_of_positions(bench, monkeypatch)
     assert bench.run(0.5, R.DISABLE).link & LinkFlag.WRONG_MODE
     sent = sent_from_now(bench, monkeypatch, RPDO_1)
     bench.run(0.1)
     assert {data[:5] for data in sent} == {"00 00"}
+    bench.drive.close()
+
+
+def test_a_turning_drive_in_another_mode_is_left_to_the_stop_of_the_program(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without its word the torque would go at once: the program asks for a quick stop, and then closes the brake."""
+    bench = Bench().open().enable()
+    show_mode_of_positions(bench, monkeypatch)
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    while not bench.scan(R.ENABLE).link & LinkFlag.WRONG_MODE:
+        assert len(sent) < 200
+    bench.run(0.05, R.ENABLE)
+    assert {data[:5] for data in sent} == {"0f 00"}
     bench.drive.close()
 
 
