@@ -291,3 +291,24 @@ def test_the_example_machine_moves_its_load_to_where_it_is_told() -> None:
     assert [node.node for node in health.nodes] == [3, 4]
     assert all(node.missed == 0 for node in health.nodes)
     off(rig)
+
+
+@pytest.mark.parametrize("scan_ms", [4.0, 10.0])
+def test_the_brake_does_not_wait_for_the_heartbeat_of_a_drive_off_the_bus(scan_ms: float) -> None:
+    """At standstill the drive takes its torque off 60 ms after its last command, and nobody hears of it.
+
+    Neither torque nor brake for 126 and 140 ms, which were 214 and 230 while the brake waited for the heartbeat; 200 ms
+    are permitted, the time in which a brake must close.
+    """
+    rig = BusRig(io_machine(scan_ms, {"plant.load.eccentricity_m": CHECK_M}), 60.0).power_up()
+    begun = len(rig.ticks)
+    rig.inject("silence", value=True)
+    rig.run(1.5)
+    assert rig.stops[:2] == ["CAN-03", "CAN-06"], rig.told
+    free_ms = sum(tick.brake_open and tick.state is State.FAULT for tick in rig.ticks[begun:])
+    # A scan of 10 ms more than was measured.
+    assert 0 < free_ms <= 150
+    assert not rig.ticks[-1].brake_open
+    # Of a fault at standstill.
+    assert rig.way_deg(begun - 1) < 0.35
+    rig.engine.close()

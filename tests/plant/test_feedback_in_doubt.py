@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import pytest
 
+from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.image import DriveFeedback, DriveRequest, LinkFlag
 from gantryctl.program import Code, PowerPhase
 from gantryctl.program.alarms.words import Words
@@ -249,6 +250,41 @@ def test_an_encoder_that_freezes_while_nothing_holds_a_slow_axis_is_told_as_the_
     assert (Words.ANGLE_UNKNOWN in rig.first_alarm.steps) is frozen
     if frozen:
         assert abs(rig.motor_deg - told_deg) > 0.03
+
+
+@pytest.mark.parametrize("turns", [True, False])
+@pytest.mark.parametrize(("scan_ms", "speed"), [(1.0, 0.3), (4.0, 0.4), (10.0, 1.0)])
+def test_a_sign_that_turns_between_no_torque_and_no_brake_yet_is_seen(
+    scan_ms: float, speed: float, turns: bool
+) -> None:
+    """110 ms before the brake: wrong by more than 0.05 deg, which only the next power-up would tell."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
+    cruise_slowly(rig, speed, 1.0)
+    rig.faults.mains_ready = False
+    rig.run(0.04)
+    rig.faults.encoder_gain = -1.0 if turns else 1.0
+    rig.until(lambda: rig.phase is PowerPhase.OFF)
+    assert (Code.ENC_14 in rig.axis.alarms.active) is turns, rig.texts
+    assert rig.axis.feedback.in_doubt is turns
+    assert (abs(deg(rig.axis.pos_act_rad) - rig.motor_deg) > 0.05) is turns
+    assert rig.first == Code.PWR_01
+
+
+def test_a_load_that_sinks_is_told_while_the_speed_is_absurd(oracle: Oracle) -> None:
+    """Brake without torque and a speed of 1e300 in one scan: after 1.5 s of a stop without a reading, and 0.02 deg."""
+    rig = PlantRig(machine_at(10.0, CHECK_NM), 60.0)
+    rig.power_up()
+    rig.faults.brake_torque_share = 0.0
+    rig.spoil = lambda drive: drive._replace(vel_act_rad_s=1e300)
+    rig.mark()
+    rig.until(lambda: Code.BRK_04 in rig.axis.alarms.active, 3.0)
+    assert rig.phase is PowerPhase.OFF
+    told = rig.axis.alarms.active[Code.BRK_04]
+    assert told.time_s - rig.axis.alarms.active[Code.ENC_14].time_s < 1.7
+    # Nothing follows from an absurd speed but its own alarm.
+    assert rig.codes == ["ENC-14", "BRK-04"]
+    oracle.caught("INV-1")
+    oracle.caught("INV-2")
 
 
 def test_an_emergency_stop_with_a_doubtful_reading_tells_no_angle() -> None:

@@ -89,33 +89,26 @@ def pushes_too_much_in_hold(parts: Parts, x: float) -> bool:
 
 
 def turns_on_its_ramp(parts: Parts, x: float) -> bool:
-    watch = RampWatch(parts.settings, parts.feedback, parts.alarms)
+    watch = RampWatch(parts.settings, parts.feedback)
     parts.feedback.vel_rad_s = x
     return scans(parts, lambda: watch.obeyed(0.1), 60)
 
 
 def turns_after_its_ramp(parts: Parts, x: float) -> bool:
-    watch = RampWatch(parts.settings, parts.feedback, parts.alarms)
+    watch = RampWatch(parts.settings, parts.feedback)
     parts.feedback.vel_rad_s = x
     return scans(parts, lambda: watch.obeyed(0.3), 60)
 
 
 def should_stand(parts: Parts, x: float) -> bool:
-    watch = RampWatch(parts.settings, parts.feedback, parts.alarms)
+    watch = RampWatch(parts.settings, parts.feedback)
     parts.turn(0.1)
     return scans(parts, lambda: watch.obeyed(abs(x)), 60)
 
 
 def is_not_waited_for(parts: Parts, x: float) -> bool:
-    watch = RampWatch(parts.settings, parts.feedback, parts.alarms)
+    watch = RampWatch(parts.settings, parts.feedback)
     return scans(parts, lambda: watch.obeyed(abs(x)), 1)
-
-
-def is_not_waited_for_without_a_speed(parts: Parts, x: float) -> bool:
-    watch = RampWatch(parts.settings, parts.feedback, parts.alarms)
-    parts.alarms.raise_(Code.INT_06, measured="a test")
-    watch.wait_blind(abs(x))
-    return parts.reaction("INT-06") is Reaction.TORQUE_OFF
 
 
 def proof_of(parts: Parts, way: float) -> TorqueProof:
@@ -176,7 +169,6 @@ POWER: dict[str, tuple[Acts, float]] = {
     "speed after the ramp": (turns_after_its_ramp, 0.1 * rad(0.5)),
     "time to stand": (should_stand, 0.25),
     "time of a stop": (is_not_waited_for, 3.0),
-    "time of a blind stop": (is_not_waited_for_without_a_speed, 0.25),
     "proof torque": (gives_too_much, 90.0),
     "learned torque": (is_not_learned, 0.6 * 257.0),
     "speed of a stop by the brake": (wears, rad(0.1)),
@@ -384,7 +376,7 @@ MONITORS: dict[str, tuple[Acts, float]] = {
 
 
 def is_a_wrong_speed(parts: Parts, x: float) -> bool:
-    parts.feedback._speed(x, 1.0)
+    parts.feedback._speed(x, 0.0, 1.0)
     return bool(parts.codes)
 
 

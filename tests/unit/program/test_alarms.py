@@ -1,6 +1,7 @@
 """The alarm table, the latch, the texts, and the page made from them."""
 
 import ast
+import math
 import re
 import string
 from pathlib import Path
@@ -11,6 +12,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity
 from gantryctl.program.alarms.alarms_page import chinese_page, reference_page
 from gantryctl.program.alarms.log import HISTORY_LENGTH, from_wire, messages_to_wire, refusal, to_wire
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.table import all_codes, explain
 from gantryctl.program.alarms.words import Words
 
@@ -200,6 +202,21 @@ def test_text_has_its_four_parts():
 
 def test_a_refusal_is_one_sentence():
     assert refusal(Code.PWR_03).text == "power is off"
+
+
+@pytest.mark.parametrize(
+    ("value", "told"), [(-1e300, "-1e+300"), (1.234567e12, "1.235e+12"), (math.nan, "nan")]
+)
+def test_a_number_of_absurd_size_has_four_digits(value, told):
+    """In messages, words and reasons; 999,999,999,999 is written in full still."""
+    assert str(Words.GROWS_AGAINST(speed=value, torque=value)) == (
+        f"Speed grew to {told} deg/s against a torque of {told} N m"
+    )
+    assert refusal(Code.CTL_04, measured=value, limit=6.6).text == f"Speed {told} deg/s, limit 6.60 deg/s"
+    assert told in Reason(Code.CTL_04, {"measured": value, "limit": 6.6}, ClearedBy.RESET).text
+    assert refusal(Code.CTL_04, measured=999_999_999_999.0, limit=6.6).text.startswith(
+        "Speed 999999999999.00 deg/s"
+    )
 
 
 def test_a_refusal_compares_by_its_values_and_is_read_in_english():

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag
+from gantryctl.program.alarms.codes import Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, Proof
 from gantryctl.units import rad
@@ -154,6 +155,39 @@ def test_a_drive_whose_state_is_not_told_any_more_is_asked_for_its_ramp(stopping
     assert rig.codes == (["INT-06", "CAN-03"] if stopping else ["CAN-03"])
     assert rig.axis.power.phase is P.QUICK_STOPPING
     assert rig.output.request is DriveRequest.QUICK_STOP
+
+
+@PERIODS
+@pytest.mark.parametrize(("speed_deg_s", "by_drive"), [(0.0, False), (0.6, False), (2.0, False), (2.0, True)])
+def test_of_a_drive_that_is_not_seen_the_brake_closes_for_the_end_of_its_ramp_and_then_torque_goes_off(
+    period_s, speed_deg_s, by_drive
+):
+    """5.5 deg/s2, 60 ms of reaction and 150 ms of the brake; a drive that owns its brake closes it after its ramp."""
+    rig = Rig(config=settings(period_s=period_s, brake_by_drive=by_drive))
+    rig.power_up()
+    if speed_deg_s:
+        rig.move(50.0, speed_deg_s)
+        rig.run(2.0)
+    age = 0
+
+    def silent(drive):
+        nonlocal age
+        age += 1
+        return drive._replace(age_scans=age, speed_age_scans=age, link=LinkFlag.LATE)
+
+    rig.spoil = silent
+    rig.until(lambda: "CAN-03" in rig.codes)
+    assert rig.output.request is DriveRequest.QUICK_STOP
+    begun = rig.scan
+    rig.until(lambda: not rig.output.brake_open)
+    closes_s = (rig.scan - begun) * period_s
+    rig.until(lambda: rig.output.request is DriveRequest.DISABLE)
+    off_s = (rig.scan - begun) * period_s
+    ends_s = speed_deg_s / 5.5 + 0.060
+    assert closes_s == approx(max(0.0, ends_s - (0.0 if by_drive else 0.150)), abs=2.01 * period_s)
+    assert off_s == approx(max(0.0, ends_s - (0.0 if by_drive else 0.150)) + 0.150, abs=2.01 * period_s)
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    assert rig.axis.alarms.active["CAN-03"].reaction is Reaction.TORQUE_OFF
 
 
 @PERIODS

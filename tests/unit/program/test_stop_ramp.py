@@ -17,7 +17,7 @@ approx = pytest.approx
 
 def ramp_of(parts, speed_at):
     """Seconds until the alarm; `speed_at` gives the speed after so many seconds."""
-    watch = RampWatch(parts.settings, parts.feedback, parts.alarms)
+    watch = RampWatch(parts.settings, parts.feedback)
     parts.turn(speed_at(0.0))
     watch.begin()
     scans = 0

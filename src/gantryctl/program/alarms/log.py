@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity
 from gantryctl.program.alarms.reason import Reason
 from gantryctl.program.alarms.table import ALARMS
-from gantryctl.program.alarms.words import Clauses, Said, Words
+from gantryctl.program.alarms.words import Clauses, Said, Words, filled
 
 HISTORY_LENGTH: Final = 200
 
@@ -26,7 +26,7 @@ class Refusal(NamedTuple):
     @property
     def text(self) -> str:
         """The message of the code with its values."""
-        return ALARMS[self.code].english.message.format(**self.values)
+        return filled(ALARMS[self.code].english.message, self.values)
 
     @property
     def line(self) -> str:
@@ -83,7 +83,7 @@ class Alarm:
     @property
     def measured(self) -> str:
         """What was measured against which limit, with units."""
-        return ALARMS[self.code].english.message.format(**self.values)
+        return filled(ALARMS[self.code].english.message, self.values)
 
     @property
     def done(self) -> str:

@@ -10,6 +10,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.encoder import ENCODER
 from gantryctl.program.alarms.start import START
 from gantryctl.program.alarms.table import ALARMS
+from gantryctl.program.alarms.words import filled
 
 # An earlier stop (SYS-12) casts doubt on the angle only if the encoder caused it, a fault of the drive (DRV-15) never.
 _DOUBTS_POSITION: Final = frozenset(row.code for row in (*ENCODER, *START)) - {Code.SYS_12, Code.DRV_15}
@@ -44,7 +45,7 @@ class Reason(NamedTuple):
     def text(self) -> str:
         """Code, what is wrong and what to do, in one line."""
         row = ALARMS[self.code]
-        return f"{self.code} · {row.english.message.format(**self.values)} · {row.english.to_do}"
+        return f"{self.code} · {filled(row.english.message, self.values)} · {row.english.to_do}"
 
     def __str__(self) -> str:
         return self.text

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum, unique
-from typing import NamedTuple
+from string import Formatter
+from typing import Final, NamedTuple
 
 from gantryctl.image import DriveState
+
+# No quantity of a machine is that large in any unit of a text; a spoilt reading may be.
+_ABSURD: Final = 1e12
 
 
 @unique
@@ -820,7 +824,25 @@ class Said(NamedTuple):
     values: Mapping[str, object]
 
     def __str__(self) -> str:
-        return self.words.english.format(**self.values)
+        return filled(self.words.english, self.values)
+
+
+class _Filler(Formatter):
+    def format_field(self, value: object, format_spec: str) -> str:
+        if isinstance(value, float) and not abs(value) < _ABSURD:
+            format_spec = ".4g"
+        return format(value, format_spec)
+
+
+_FILLER: Final = _Filler()
+
+
+def filled(template: str, values: Mapping[str, object]) -> str:
+    """A template with its fields filled: every text of alarms, refusals and words.
+
+    A number of absurd size has four digits and an exponent, where its format would print all of 300 digits.
+    """
+    return _FILLER.vformat(template, (), values)
 
 
 class Clauses(tuple[object, ...]):

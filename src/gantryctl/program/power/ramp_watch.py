@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.codes import Code
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -28,7 +27,6 @@ class RampWatch:
     """Raise DRV-07 for a drive that is slower than its ramp: it does not obey."""
 
     __slots__ = (
-        "_alarms",
         "_envelope",
         "_feedback",
         "_over_envelope",
@@ -38,8 +36,8 @@ class RampWatch:
         "_vel_start",
     )
 
-    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
-        self._feedback, self._alarms = feedback, alarms
+    def __init__(self, settings: AxisSettings, feedback: Feedback) -> None:
+        self._feedback = feedback
         self._period_s, self._quick_dec = settings.period_s, settings.ramps.quick_dec_rad_s2
         self._envelope = settings.monitors.velocity_deviation_rad_s
         self._rests = max(_RESTS_SHARE * self._envelope, settings.speed.rest_rad_s)
@@ -67,8 +65,7 @@ class RampWatch:
             return False
         return True
 
-    def wait_blind(self, elapsed_s: float) -> None:
-        """Without a speed give the drive the time of its ramp; then the torque goes off."""
-        first = self._alarms.first_out
-        if first is not None and elapsed_s > self._vel_start / self._quick_dec + _SETTLED_S:
-            self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
+    @property
+    def ends_s(self) -> float:
+        """When the ramp of a drive that obeys has ended, s since the phase began; also of one that stops by itself."""
+        return self._vel_start / self._quick_dec + _ENVELOPE_REACTION_S

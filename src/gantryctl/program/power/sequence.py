@@ -115,7 +115,7 @@ class PowerSequence:
         self._torque_proof = TorqueProof(settings, feedback, alarms, self.holding)
         self._rest = RestWatch(settings, feedback)
         self._slip = SlipWatch(settings, feedback, alarms)
-        self._ramp = RampWatch(settings, feedback, alarms)
+        self._ramp = RampWatch(settings, feedback)
         self._hold_watch = HoldWatch(settings, feedback, alarms)
         self.brake_test = BrakeTest(
             power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
@@ -419,9 +419,25 @@ class PowerSequence:
         """Follow the ramp of the drive until it stands."""
         elapsed_s = self._count * self._period_s
         if not self._feedback.speed_known:
-            self._ramp.wait_blind(elapsed_s)
+            self._stop_unseen(elapsed_s)
         elif self._ramp.obeyed(elapsed_s) and self._rest.scan():
             self._enter(PowerPhase.CLOSING)
+
+    def _stop_unseen(self, elapsed_s: float) -> None:
+        """Without a speed the brake closes for the end of the ramp, and then the torque goes off.
+
+        Nobody sees whether the drive still holds the load: off the bus it takes its torque off by itself behind its
+        deadline and ramp, at standstill 60 ms after its last command. A brake that waited for the heartbeat closed
+        214 ms after that (scan 4 ms).
+        """
+        close_s = self._settings.brake_close_time_s
+        # A drive that owns its brake closes it at the end of its ramp.
+        begins_s = self._ramp.ends_s - (0.0 if self._settings.brake_by_drive else close_s)
+        if elapsed_s >= begins_s:
+            self.brake_open = False
+        first = self._alarms.first_out
+        if first is not None and elapsed_s > max(0.0, begins_s) + close_s:
+            self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
 
     def _torque_off(self, _pos_rad: float) -> None:
         self.wear.scan()
