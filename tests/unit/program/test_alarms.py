@@ -162,6 +162,29 @@ def test_the_same_alarm_with_a_stronger_reaction_counts():
     assert len(log.history) == 1
 
 
+def test_a_warning_that_becomes_a_stop_is_told_anew_with_its_own_time_and_values():
+    log = AlarmLog()
+    log.time_s, log.scan = 1.0, 100
+    log.raise_(Code.CTL_06, measured=65.0, torque=167.0)
+    log.time_s, log.scan = 9.0, 900
+    log.raise_(Code.CTL_06, Reaction.QUICK_STOP, measured=95.0, torque=244.0)
+    alarm = log.active[Code.CTL_06]
+    assert (alarm.time_s, alarm.scan, alarm.values["measured"]) == (9.0, 900, 95.0)
+    assert log.first_out is alarm
+    assert [each.time_s for each in log.history] == [1.0, 9.0]
+    assert (log.history[0].severity, alarm.severity) == (Severity.WARNING, Severity.STOP)
+
+
+def test_a_reset_leaves_no_reaction_that_waits():
+    log = AlarmLog()
+    log.raise_(Code.BRK_11, measured=1.0, time_s=3.0)
+    assert log.pending >= Reaction.QUICK_STOP
+    log.clear()
+    assert log.pending is Reaction.W
+    assert log.first_out is None
+    assert not log.horn
+
+
 def test_a_reaction_is_never_weaker_than_the_table():
     log = AlarmLog()
     log.raise_(Code.INT_03, Reaction.W, measured=0.0)

@@ -117,3 +117,21 @@ def test_the_end_of_a_motion_and_the_way_of_a_stop_are_told():
     assert rig.axis.plan_end_s == pytest.approx(begun_s + 18.1667, abs=2e-3)
     rig.run(3.0)
     assert deg(rig.axis.stopping_angle_rad()) == pytest.approx(3.75, abs=0.01)
+
+
+def test_a_speed_that_is_not_known_is_no_rest():
+    """A drive on its own ramp, of whose speed nothing is known: nobody may go near a load that may turn."""
+    rig = powered()
+    assert rig.output.at_rest
+    rig.spoil = lambda drive: drive._replace(speed_age_scans=100, age_scans=100)
+    rig.run(0.05)
+    assert not rig.output.at_rest
+
+
+def test_an_axis_without_power_is_not_in_position():
+    rig = powered()
+    assert rig.output.in_position
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is PowerPhase.OFF, 5.0)
+    rig.run(0.5)
+    assert not rig.output.in_position

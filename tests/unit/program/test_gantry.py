@@ -161,6 +161,16 @@ def test_the_lease_is_250_ms(continuous):
     rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 1.0)
 
 
+def test_a_lease_that_counts_round_is_a_renewal(continuous):
+    rig = continuous
+    rig.op(forward=True, lease=255)
+    rig.run(0.2)
+    rig.op(lease=0)
+    rig.run(0.2)
+    assert rig.program.jog.busy
+    assert not rig.axis.alarms.history
+
+
 def test_an_ended_lease_is_dead(continuous):
     rig = continuous
     press(rig, forward=True)

@@ -4,10 +4,11 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
 from gantryctl.program.settings import StandstillPolicy
+from gantryctl.units import rad
 from unit.program.brake_rig import TestRig
 from unit.program.parts import BOTH
 from unit.program.power_steps import P, held_again, record, slip
-from unit.program.rig import Rig, settings
+from unit.program.rig import RATIO, Rig, settings
 
 approx = pytest.approx
 HOLDS = {"holding_torque_nm": 12.0}
@@ -195,3 +196,29 @@ def test_a_brake_test_may_ask_for_more_than_the_rated_torque_for_its_seconds():
     rig.spoil = lambda drive: drive._replace(torque_act_nm=30.0)
     rig.run(1.4)
     assert max(rig.torques) == approx(270.0)
+
+
+def test_no_torque_holds_a_load_by_a_reading_in_doubt():
+    """HOLD that one alarm has begun ends in the scan in which the angle is not believed any more."""
+    rig = held_again()
+    rig.axis.feedback.in_doubt = True
+    rig.step()
+    assert rig.axis.power.phase is P.TORQUE_OFF
+
+
+@BOTH
+@pytest.mark.parametrize("phase", [P.CLOSING, P.UNLOADING])
+def test_a_speed_that_grows_against_the_torque_while_the_brake_closes_is_of_the_wrong_sign(way, phase):
+    """The drive pushes the load on, and the brake does not hold yet: 330 of 385 N m, and 0.05 deg/s more a scan."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is phase, 5.0)
+    speeds = iter(range(100))
+    rig.spoil = lambda drive: drive._replace(
+        torque_act_nm=-way * 330.0, vel_act_rad_s=way * rad(0.1 + 0.05 * next(speeds)) * RATIO
+    )
+    # 0.15 deg/s more than the slowest is none that a sound axis has; two scans for the ramp of it.
+    rig.run(0.006)
+    assert rig.codes == ["ENC-12"]
+    assert rig.axis.power.phase is P.TORQUE_OFF

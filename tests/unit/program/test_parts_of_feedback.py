@@ -11,6 +11,7 @@ import pytest
 from gantryctl.image import DriveFeedback, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program import Reaction
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
@@ -294,6 +295,27 @@ def test_each_fault_of_the_connection_has_its_alarm_in_the_first_scan(flag, code
     encoder = Encoder(speed_deg_s=0.6)
     encoder.scan(link=flag)
     assert encoder.codes == codes
+
+
+@pytest.mark.parametrize(
+    ("flag", "words"),
+    [
+        (LinkFlag.BUS_DOWN, Words.BUS_FAILED),
+        (LinkFlag.BUS_DOWN | LinkFlag.BUS_OFF, Words.BUS_OFF),
+        (LinkFlag.BUS_DOWN | LinkFlag.QUEUE_FULL, Words.QUEUE_FULL),
+        (LinkFlag.IO_LOST, Words.IO_NODE),
+        (LinkFlag.LOAD_ENCODER_LOST, Words.LOAD_ENCODER_NODE),
+        (LinkFlag.LOCAL_CONTROL, Words.LOCAL_CONTROL),
+        (LinkFlag.IGNORES_COMMAND, Words.NOT_FOLLOWING),
+    ],
+    ids=str,
+)
+def test_an_alarm_of_several_causes_names_the_one(flag, words):
+    """Who is sent to the wrong node, or told of a switch that nobody turned, looks in the wrong place."""
+    encoder = Encoder(speed_deg_s=0.6)
+    encoder.scan(link=flag)
+    (alarm,) = encoder.alarms.active.values()
+    assert words in alarm.values.values()
 
 
 @pytest.mark.parametrize(

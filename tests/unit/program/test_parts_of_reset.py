@@ -114,6 +114,16 @@ def test_a_brake_that_nobody_saw_close_of_a_shaft_that_nobody_sees_rest_is_not_t
     assert W.BRAKE_COMMANDED not in stop.steps
 
 
+def test_rest_counts_from_when_the_speed_is_known():
+    stop = Stop()
+    stop.parts.feedback._speed_age = stop.parts.feedback.age = 30
+    stop.scan(1, deg_s=0.0)
+    stop.parts.feedback._speed_age = stop.parts.feedback.age = 0
+    stop.scan(400, deg_s=0.0)
+    stop.scan(500, over=True, state=OFF, brake_open=False)
+    assert stop.value(W.AT_REST_AFTER, "time_ms") == approx(400.0)
+
+
 @pytest.mark.parametrize("unknown", [False, True])
 def test_torque_whose_end_nobody_saw_has_no_time(unknown):
     stop = Stop()
