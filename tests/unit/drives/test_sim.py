@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from gantryctl.errors import DeviceError
-from gantryctl.image import DriveRequest, EncoderFlag, OutputImage
+from gantryctl.image import DriveRequest, DriveState, EncoderFlag, OutputImage
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.ports import Truth
 from gantryctl.wiring.simulator import drive_around, sim_drive
@@ -160,3 +160,21 @@ def test_a_brake_that_has_its_torque_again_only_brakes(machine: Machine, kind: s
     # The load swings on the shaft that has been stopped, by less than the speed that there was.
     assert fastest <= 1.05 * free
     assert abs(drive.truth()[3]) < 0.1 * free
+
+
+def test_a_brake_is_released_by_an_enabled_drive_only(machine: Machine) -> None:
+    drive = sim_drive(machine, 30.0)
+    before = drive.truth()[0]
+    for _ in range(500):
+        drive.write(OutputImage(DriveRequest.DISABLE, brake_open=True))
+        assert not drive.read().brake_open
+    assert drive.truth()[0] == pytest.approx(before, abs=1e-6)
+
+
+def test_a_drive_that_trips_while_it_is_enabled_has_no_torque_in_the_next_scan(machine: Machine) -> None:
+    drive = sim_drive(machine)
+    run(drive, 0.5, 0.0)
+    assert drive.read().state is DriveState.OPERATION_ENABLED
+    drive.trip(0x7500)
+    drive.write(OutputImage(DriveRequest.ENABLE, brake_open=True))
+    assert drive.read().state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)

@@ -273,6 +273,61 @@ def test_close_reaches_the_drive_and_may_be_called_twice(bench: Bench) -> None:
     assert bench.drive.closed == 2
 
 
+class Ending(MemoryRecorder):
+    """A recorder whose file takes one row no more, and which cannot be finished."""
+
+    def record(self, row: tuple[float, ...]) -> None:
+        if row[0] == pytest.approx(0.02):
+            raise DeviceError("no space left on device")
+        super().record(row)
+
+    def close(self) -> None:
+        raise DeviceError("no space left on device")
+
+
+def test_behind_a_row_that_could_not_be_written_nothing_more_is_recorded(bench: Bench) -> None:
+    """Whoever reads the file would take a gap for time in which nothing happened."""
+    recorder = Ending(trace_columns(bench.program))
+    Engine(bench.drive, bench.program, bench.operator, VirtualClock(), PERIOD_S, recorder).run_for(0.05)
+    assert len(recorder.trace()) == 20
+
+
+def test_the_drive_is_left_before_the_recording_is_finished(bench: Bench) -> None:
+    recorder = Ending(trace_columns(bench.program))
+    engine = Engine(bench.drive, bench.program, bench.operator, VirtualClock(), PERIOD_S, recorder)
+    with pytest.raises(DeviceError):
+        engine.close()
+    assert bench.drive.closed == 1
+
+
+def test_the_first_failure_is_the_one_that_is_told(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.program.hooks[3] = raising(ValueError("the first"))
+    with pytest.raises(AlarmStop):
+        bench.engine.run_for(1.0)
+    monkeypatch.setattr(bench.drive, "read", raising(OSError("the second")))
+    with pytest.raises(AlarmStop):
+        bench.engine.run_for(1.0)
+    assert str(bench.engine.failure) == "the first"
+
+
+def test_after_a_failure_a_closed_brake_stays_closed(bench: Bench) -> None:
+    bench.program.hooks[0] = raising(ValueError("x"))
+    with pytest.raises(AlarmStop):
+        bench.engine.step()
+    bench.engine.run_for(0.5)
+    assert not any(output.brake_open for output in bench.drive.outputs)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_no_brake_closes_on_a_load_that_turns_either_way(bench: Bench, way: float) -> None:
+    bench.program.hooks[10] = raising(ValueError("x"))
+    with pytest.raises(AlarmStop):
+        bench.engine.run_for(1.0)
+    bench.drive.speed_rad_s = way * 100.0
+    bench.engine.run_for(0.5)
+    assert bench.drive.outputs[-1] == OutputImage(DriveRequest.QUICK_STOP, brake_open=True)
+
+
 # --- Ctrl-C ----------------------------------------------------------------------------------------
 
 

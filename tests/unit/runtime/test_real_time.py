@@ -123,6 +123,24 @@ def test_start_forgives_an_intended_pause() -> None:
     assert clock.wait_for(2) == (2, pytest.approx(0.0, abs=1e-9))
 
 
+def test_deadlines_go_on_from_the_one_at_which_time_began() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
+    assert clock.wait_for(1000) == (1000, 0.0)
+    assert clock.wait_for(1001) == (1001, pytest.approx(0.0, abs=1e-9))
+    assert time.now_s == pytest.approx(5_000.0 + PERIOD_S)
+
+
+@pytest.mark.parametrize(("late_s", "next_deadline"), [(0.0009, 1), (0.0011, 6)])
+def test_a_scan_of_a_quick_axis_may_be_late_by_1_ms(late_s: float, next_deadline: int) -> None:
+    """A quarter of 0.25 ms is less than a computer keeps; 1.1 ms are five periods, of which the rest is waited for."""
+    time = FakeTime()
+    clock = RealClock(0.00025, now=time.now, sleep=time.sleep)
+    clock.wait_for(0)
+    time.work(0.00025 + late_s)
+    assert clock.wait_for(1)[0] == next_deadline
+
+
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan])
 def test_a_clock_wants_a_period(period_s: float) -> None:
     with pytest.raises(UsageError, match="scan period"):
@@ -205,6 +223,17 @@ def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:
     assert set(requests[:21]) == {DriveRequest.ENABLE}
     assert set(requests[21:]) == {DriveRequest.QUICK_STOP}  # for as long as the program wants to move
     assert len(requests) == 22  # the second it was to run was over before it woke
+
+
+@pytest.mark.parametrize(
+    ("late_s", "cause"),
+    [(0.031, StopCause.SCAN_LATE), (0.049, StopCause.SCAN_LATE), (0.051, StopCause.FROZEN)],
+)
+def test_how_late_is_late_and_frozen(strict: Bench, late_s: float, cause: StopCause) -> None:
+    strict.work(20, PERIOD_S + late_s)
+    strict.engine.run_for(0.5)
+    assert strict.engine.system_stop is not None
+    assert strict.engine.system_stop.cause is cause
 
 
 def test_the_programs_own_stop_is_not_disturbed(strict: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -245,3 +245,19 @@ def test_a_memory_from_before_the_brake_test_is_read_with_its_defaults() -> None
     assert retained.from_json_values(old) == FIRST
     with pytest.raises(StateError, match="brake_tests_new"):
         retained.from_json_values({**old, "brake_tests_new": 1})
+
+
+@pytest.mark.parametrize("more", [b" ", b"\n", b"\0"])
+def test_a_copy_with_a_byte_behind_its_end_is_damaged(more: bytes) -> None:
+    assert decode(encode(FIRST, 1)) == (1, FIRST)
+    with pytest.raises(StateError, match="damaged"):
+        decode(encode(FIRST, 1) + more)
+
+
+@pytest.mark.parametrize("name", ["power_ups", "travelled_rad", "error_stop", "zero_offset_counts"])
+def test_a_memory_without_a_field_is_refused_and_not_filled_up(name: str) -> None:
+    """No alarm that held the axis, no zero: a default would say so."""
+    values = retained.to_json_values(FIRST)
+    del values[name]
+    with pytest.raises(StateError, match=f"missing or unknown: {name}"):
+        retained.from_json_values(values)

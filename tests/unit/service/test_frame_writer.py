@@ -169,6 +169,18 @@ def test_a_log_that_cannot_be_made_costs_the_log_only(memory: SharedMemory, tmp_
     assert len(list(tmp_path.glob("traces/bus-CAN-03-*.log"))) == 1
 
 
+def test_a_log_that_was_never_made_does_not_end(memory: SharedMemory, tmp_path: Path) -> None:
+    bench = Bench(memory, tmp_path, tmp_path / "nowhere" / "bus.log")
+    spoken(memory)
+    bench.free = 0
+    bench.writer.drain()
+    bench.writer._room_s = 0.0
+    bench.writer.drain()
+    bench.writer.close()
+    assert any("there is no log of the bus" in line for line in bench.told)
+    assert not any("the log of the bus ends here" in line for line in bench.told)
+
+
 def test_an_alarm_that_is_told_late_keeps_the_frames_of_its_own_time(
     memory: SharedMemory, tmp_path: Path
 ) -> None:

@@ -555,3 +555,46 @@ def test_an_anchor_is_kept_at_the_start_and_at_the_end(
     assert [line.split()[0] for line in lines if line] == [str(EVENTS + 1), str(EVENTS + 2)]
     assert lines[-2] == anchor(directory).line
     assert f"journal anchor: {lines[-2]}\n" in capsys.readouterr().err
+
+
+# --- what one look at one thing does not see -------------------------------------------------------
+
+
+def test_a_sealed_row_of_a_second_history_is_not_certain_in_the_first(directory: Path) -> None:
+    """Its seal is right and its number, too: only the row before does not lead to it."""
+    kept = older(directory)
+    with sqlite3.connect(directory / "journal.sqlite") as db:
+        (other,) = db.execute(f"{SELECT} WHERE seq = ?", (HALF + 5,)).fetchall()
+    db.close()
+    put_back(directory, kept)
+    shutil.copy(directory / "journal.mirror", places_of(directory).mirrors[1])
+    add(directory, HALF + 1, EVENTS, "nothing")
+    with sqlite3.connect(directory / "journal.sqlite") as db:
+        db.execute("DELETE FROM events WHERE seq = ?", (HALF + 5,))
+        db.execute(INSERT, other)
+    db.close()
+    verdict = verify_file(directory / "journal.sqlite", read_key(places_of(directory).key))
+    assert verdict.wrong.startswith(f"row {HALF + 5} was changed, or one before it was taken out or put in")
+    assert Span(HALF + 5, HALF + 5) in verdict.changed
+    assert Span(1, HALF + 4) in verdict.certain
+
+
+def test_the_end_is_compared_by_its_hash_too(directory: Path) -> None:
+    with sqlite3.connect(directory / "journal.sqlite") as db:
+        db.execute("UPDATE head SET hash = ?", ("0" * 64,))
+    db.close()
+    assert verify_file(directory / "journal.sqlite", None).wrong.startswith("the end is missing: 60 rows")
+
+
+def test_of_several_anchors_the_newest_says_what_was_there(directory: Path) -> None:
+    journal = Journal(directory)
+    journal.anchor()
+    journal.append(1, 0, EVENTS + 1, [record(EVENTS + 1, "event")])
+    journal.anchor()
+    journal.close()
+    shutil.rmtree(directory)
+    places_of(directory).mirrors[1].unlink()
+    Journal(directory).close()
+    (told,) = texts(directory)
+    assert told.startswith("JRN-04")
+    assert str(EVENTS + 1) in told

@@ -21,7 +21,7 @@ from gantryctl.service.recorder.journal import writer as journal_module
 from gantryctl.service.recorder.journal.mirror import SystemFile, read_mirror
 from gantryctl.service.recorder.journal.places import FILE, places_of
 from gantryctl.service.recorder.journal.proof import Fault, verify
-from gantryctl.service.recorder.journal.reading import anchor, read_journal
+from gantryctl.service.recorder.journal.reading import anchor, compare, copy_journal, read_journal
 from gantryctl.service.recorder.journal.writer import Journal, JournalFault
 from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
@@ -325,3 +325,14 @@ def test_the_recorder_takes_out_what_is_too_much_by_itself(tmp_path: Path) -> No
     assert texts[-1] == "events 1 to 20 were taken out by age or size"
     assert texts[:-1] == [f"event {n}" for n in range(20, 30)]
     assert not verify(tmp_path).wrong
+
+
+def test_a_copy_with_events_that_were_taken_out_since_is_the_same_journal(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+    copy = tmp_path / "copy.sqlite"
+    copy_journal(made.path, copy)
+    assert made.prune(15, PLENTY) == 40
+    made.close()
+    # Of 100 events, and the one that says what was taken out.
+    found = compare(made.path, copy)
+    assert (found.same, found.only_one, found.only_other, found.trouble) == (60, 1, 0, "")

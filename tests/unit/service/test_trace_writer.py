@@ -376,3 +376,13 @@ def test_nothing_is_removed_for_its_size_while_it_is_being_closed(
     writer.drain(at_once=True)
     assert left.exists() is closing
     bench.memory.close()
+
+
+def test_a_recording_says_which_it_is(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(10)
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    bench.writer.join()
+    (file,) = tmp_path.iterdir()
+    assert read_trace(file).metadata["recording"] == 41

@@ -250,3 +250,37 @@ def test_somebody_elses_file_is_refused(tmp_path: Path, table: pa.Table, message
     for name in ("x.parquet", "x.arrows"):
         with pytest.raises(UsageError, match=message):
             read_trace(tmp_path / name)
+
+
+def test_no_recording_of_a_run_that_was_killed_is_written_over(tmp_path: Path) -> None:
+    left = ArrowRecorder(tmp_path / "run", ["time_s"])
+    left.record((1.0,))
+    left.flush()
+    before = left.live_path.read_bytes()
+    with pytest.raises(DeviceError, match="left by a run that was killed"):
+        ArrowRecorder(tmp_path / "run", ["time_s"])
+    assert left.live_path.read_bytes() == before
+
+
+def test_a_recording_with_a_block_that_could_not_be_written_stays_as_it_is(tmp_path: Path) -> None:
+    made = ArrowRecorder(tmp_path / "run", ["time_s"])
+    made.record((1.0,))
+    made.flush()
+    file, made._file = made._file, Full()
+    made.record((2.0,))
+    with pytest.raises(DeviceError):
+        made.flush()
+    made.close()
+    file.close()
+    assert made.live_path.exists()
+    assert not made.path.exists()
+
+
+class Full:
+    """A file on a disk that is full."""
+
+    def write(self, data: object) -> None:
+        raise OSError(28, "no space left on device")
+
+    def close(self) -> None:
+        pass
