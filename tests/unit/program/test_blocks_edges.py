@@ -199,3 +199,22 @@ def test_a_refused_brake_test_is_shown_until_its_key_is_released(rig: Rig) -> No
     call(rig, test, execute=False)
     assert not test.error
     assert rig.axis.state is AxisState.STANDSTILL
+
+
+# --- what has ended does not begin again ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", [{"forward": True}, {"backward": True}])
+def test_a_new_speed_after_the_key_was_released_moves_nothing_on(rig: Rig, key: dict[str, bool]) -> None:
+    jog = Jog(rig.axis)
+    pressed = {"forward": False, "backward": False} | key
+    call(rig, jog, **pressed, velocity_rad_s=rad(4.0))
+    rig.run(1.5)
+    call(rig, jog, forward=False, backward=False, velocity_rad_s=rad(4.0))
+    rig.run(0.1)
+    before = abs(rig.vel_deg_s)
+    call(rig, jog, forward=False, backward=False, velocity_rad_s=rad(6.0))
+    rig.run(0.1)
+    assert abs(rig.vel_deg_s) < before
+    rig.run(1.0)
+    assert rig.vel_deg_s == 0.0

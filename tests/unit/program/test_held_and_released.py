@@ -8,7 +8,7 @@ from gantryctl.units import rad
 from unit.program.brake_rig import TestRig
 from unit.program.parts import BOTH
 from unit.program.power_steps import P, held_again, record, slip
-from unit.program.rig import RATIO, Rig, settings
+from unit.program.rig import RATIO, Rig, moving_rig, settings
 
 approx = pytest.approx
 HOLDS = {"holding_torque_nm": 12.0}
@@ -222,3 +222,16 @@ def test_a_speed_that_grows_against_the_torque_while_the_brake_closes_is_of_the_
     rig.run(0.006)
     assert rig.codes == ["ENC-12"]
     assert rig.axis.power.phase is P.TORQUE_OFF
+
+
+def test_a_brake_closes_for_the_end_of_a_ramp_that_nobody_sees():
+    """No speed any more: 6 deg/s at 5.5 deg/s2 are 1.09 s; the brake takes 150 ms, and then the torque goes."""
+    rig = moving_rig()
+    rig.op(quick_stop=True)
+    began = rig.scan
+    rig.spoil = lambda drive: drive._replace(speed_age_scans=100, age_scans=100)
+    rig.until(lambda: not rig.output.brake_open, 3.0)
+    closed_s = (rig.scan - began) * rig.period_s
+    assert 1.09 - 0.15 <= closed_s <= 1.09 + 0.05
+    rig.until(lambda: rig.output.request is DriveRequest.DISABLE, 3.0)
+    assert (rig.scan - began) * rig.period_s == approx(closed_s + 0.15, abs=0.02)

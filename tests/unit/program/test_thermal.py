@@ -246,3 +246,16 @@ def test_a_winding_that_the_model_knows_to_be_warm_is_not_cooled_by_a_sensor_tha
     for look in (0.2, 0.4, 0.6):
         thermal.scan(10.0 * TAU_S + look)
     assert thermal.share == pytest.approx(0.49, abs=1e-3)
+
+
+def test_a_motor_that_has_cooled_is_kept_back_at_95_percent_again_and_not_at_80():
+    rig = Rig(config=replace(settings(), thermal=ThermalSettings(time_constant_s=0.1)))
+    found = []
+    for share in (0.96, 0.79, 0.90, 0.96):
+        rig.spoil = showing(motor_temp_c=winding_c(share))
+        rig.run(0.5)
+        rig.op(reset=True)
+        rig.op(reset=False)
+        rig.run(0.2)
+        found.append(rig.codes)
+    assert found == [["THM-01", "THM-03"], [], ["THM-01"], ["THM-01", "THM-03"]]
