@@ -55,6 +55,18 @@ def test_a_move_that_was_refused_does_not_begin_when_the_level_stays_and_somethi
     assert rig.ref_deg == approx(5.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("relative", [True, False])
+def test_a_move_that_needs_the_enabling_switch_is_refused_by_angle_and_by_way(relative):
+    """From a remote screen, at 6 deg/s: without the switch the cap is 0.6 deg/s."""
+    rig = powered()
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.run(0.01)
+    rig.op(remote=True, move=True, relative=relative, target_rad=rad(5.0), speed_rad_s=rad(6.0))
+    assert rig.refused()
+    rig.run(0.5)
+    assert rig.ref_deg == approx(0.0, abs=1e-6)
+
+
 def test_a_reset_that_stays_true_resets_once():
     rig = powered()
     rig.op(power=False)

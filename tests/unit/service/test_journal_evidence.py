@@ -20,12 +20,12 @@ from gantryctl.errors import DeviceError, UsageError
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.recorder.journal.chain import Anchor, chained, content_of, sealed
-from gantryctl.service.recorder.journal.file import COLUMNS, INSERT, SELECT
+from gantryctl.service.recorder.journal.file import COLUMNS, INSERT, SELECT, Damaged
 from gantryctl.service.recorder.journal.key import Key, made_key, read_key
 from gantryctl.service.recorder.journal.mirror import Mirror, Newest, read_mirror
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.proof import Fault, Span, verify, verify_file
-from gantryctl.service.recorder.journal.reading import anchor, compare, copy_journal, read_journal
+from gantryctl.service.recorder.journal.reading import _entry, anchor, compare, copy_journal, read_journal
 from gantryctl.service.recorder.journal.writer import Journal
 from gantryctl.service.recorder.process import EventWriter
 
@@ -598,3 +598,25 @@ def test_of_several_anchors_the_newest_says_what_was_there(directory: Path) -> N
     (told,) = texts(directory)
     assert told.startswith("JRN-04")
     assert str(EVENTS + 1) in told
+
+
+def test_events_that_were_taken_out_of_the_middle_are_told_by_number(directory: Path) -> None:
+    with sqlite3.connect(directory / "journal.sqlite") as db:
+        db.execute("DELETE FROM events WHERE seq BETWEEN 20 AND 22")
+    db.close()
+    verdict = verify_file(directory / "journal.sqlite", read_key(places_of(directory).key))
+    assert verdict.missing == (Span(20, 22),)
+    # Sealed rows behind the gap are certain by themselves.
+    assert verdict.certain == (Span(1, 19), Span(23, EVENTS))
+
+
+@pytest.mark.parametrize("name", ["text", "utc", "monotonic_ns"])
+def test_a_field_of_another_type_is_no_event(directory: Path, name: str) -> None:
+    """A turned bit makes a blob of a text, and whoever reads events would fail on it."""
+    with sqlite3.connect(directory / "journal.sqlite") as db:
+        (row,) = db.execute(f"{SELECT} WHERE seq = 5").fetchall()
+    db.close()
+    at = COLUMNS.index(name)
+    assert _entry(row).values["text"] == "event 5"
+    with pytest.raises(Damaged, match="number 5 is no event"):
+        _entry((*row[:at], b"\x00", *row[at + 1 :]))
