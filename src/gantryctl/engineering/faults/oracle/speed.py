@@ -51,27 +51,31 @@ class SpeedOnWire:
         self.vel, self._ms, self._step = 0.0, true.ms, ""
         self._rest_angle = true.angle
 
-    def command(self, true: TrueAxis, vel: float, wrong: float, asked: Asked | None) -> None:
-        """Judge a speed.
+    def command(self, true: TrueAxis, vel: float, wrong: float, asked: Asked | None) -> bool:
+        """Judge a speed; true when it is more than regulation.
 
         Args:
             wrong: what the told angle is off by, rad at the motor.
             asked: what people ask for.
         """
         now, before = true.ms, self.vel
-        passed = max(1, now - self._ms)
-        # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
-        slope = self._slope * passed + self.settled + self._kpp * abs(wrong)
-        if self._step or not -slope <= vel - before <= slope:
-            self._stepped(true, before, vel, passed)
+        passed = now - self._ms or 1
+        # Nearly every command changes by less than the ramps of one millisecond.
+        if self._step or not -self._slope <= vel - before <= self._slope:
+            # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
+            slope = self._slope * passed + self.settled + self._kpp * abs(wrong)
+            if self._step or not -slope <= vel - before <= slope:
+                self._stepped(true, before, vel, passed)
         self.vel, self._ms = vel, now
         if -self.settled < vel < self.settled:
             self._rest_angle = true.angle
-        elif asked is not None:
+            return False
+        if asked is not None:
             asked.at_target_ms = now
             if now > asked.until_ms:
                 self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
                 self._check_origin(true, asked, vel)
+        return True
 
     def _stepped(self, true: TrueAxis, before: float, vel: float, passed: int) -> None:
         """Judge a speed that changes too fast: from rest, and back at rest within the way of a dither, it is one."""

@@ -205,9 +205,8 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
             for angle, speed, _, _, torque, closed in sim.samples_taken():
                 sample(angle, speed, torque, not closed, energised)
         else:
-            truth = sim.truth()
-            _, _, torque, brake_open, *_ = sim.feedback(_COUNT_RAD)
-            axis.sample(truth[2], truth[3], torque, brake_open, energised)
+            truth, shown = sim.truth(), sim.feedback(_COUNT_RAD)
+            axis.sample(truth[2], truth[3], shown[2], shown[3], energised)
 
     return write
 
