@@ -270,6 +270,24 @@ def test_a_sign_that_turns_between_no_torque_and_no_brake_yet_is_seen(
     assert rig.first == Code.PWR_01
 
 
+@pytest.mark.parametrize("frozen", [True, False])
+@pytest.mark.parametrize("scan_ms", [4.0, 10.0])
+@pytest.mark.parametrize("at_deg", [80.0, -80.0])
+def test_an_encoder_that_froze_before_the_way_down_is_seen_as_the_torque_goes(
+    at_deg: float, scan_ms: float, frozen: bool
+) -> None:
+    """34 N m go to a brake that gives way by 20 counts and more (182 sound ways down); before, nothing asked."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), at_deg)
+    rig.power_up()
+    rig.faults.encoder_gain = 0.0 if frozen else 1.0
+    rig.run(0.05)
+    rig.say(quick_stop=True)
+    rig.run(2.0)
+    assert rig.phase is PowerPhase.OFF
+    assert rig.codes == (["INT-06", "ENC-02"] if frozen else ["INT-06"]), rig.texts
+    assert rig.axis.feedback.in_doubt is frozen
+
+
 def test_a_load_that_sinks_is_told_while_the_speed_is_absurd(oracle: Oracle) -> None:
     """Brake without torque and a speed of 1e300 in one scan: after 1.5 s of a stop without a reading, and 0.02 deg."""
     rig = PlantRig(machine_at(10.0, CHECK_NM), 60.0)

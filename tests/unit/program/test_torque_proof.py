@@ -8,6 +8,7 @@ from gantryctl.program import Reaction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.torque_proof import TorqueProof
+from gantryctl.program.power.twist import Twist
 from unit.program.parts import BOTH, PERIODS, Parts
 from unit.program.rig import settings
 
@@ -122,3 +123,28 @@ def test_too_much_torque_is_a_wrong_reading_of_it_unless_the_shaft_turns_against
     assert not proof.given(1)
     assert parts.codes == codes
     assert parts.feedback.in_doubt is (codes == ["ENC-12"])
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("counts", "stood"), [(0.0, True), (0.99, True), (1.0, False), (-0.99, True), (-1.0, False)]
+)
+def test_a_reading_that_shows_nothing_while_torque_goes_is_frozen(counts, stood, way):
+    """A count either way is enough: behind a stop the load swings too."""
+    parts = Parts(monitors={"encoder_shows_twist": True})
+    twist = Twist(parts.settings, parts.feedback)
+    twist.begin(-30.0 * way)
+    parts.feedback.counts += counts
+    twist.scan()
+    parts.feedback.counts -= counts
+    twist.scan()
+    assert twist.stood(-30.0 * way) is stood
+    assert parts.codes == (["ENC-02"] if stood else [])
+
+
+def test_an_encoder_of_coarse_steps_may_show_nothing_while_torque_goes():
+    parts = Parts()
+    twist = Twist(parts.settings, parts.feedback)
+    twist.begin(-30.0)
+    twist.scan()
+    assert not twist.stood(-30.0)

@@ -17,6 +17,7 @@ from gantryctl.program.power.ramp_watch import STOP_TIME_S, RampWatch
 from gantryctl.program.power.rest import RestWatch
 from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.power.torque_proof import TorqueProof
+from gantryctl.program.power.twist import Twist
 from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -79,6 +80,7 @@ class PowerSequence:
         "_stood",
         "_torque_proof",
         "_turns_back",
+        "_twist",
         "_unloaded",
         "brake_open",
         "brake_test",
@@ -113,6 +115,7 @@ class PowerSequence:
         self.proof = Proof.NOT_DONE
         self.holding = HoldingTorque(settings)
         self._torque_proof = TorqueProof(settings, feedback, alarms, self.holding)
+        self._twist = Twist(settings, feedback)
         self._rest = RestWatch(settings, feedback)
         self._slip = SlipWatch(settings, feedback, alarms)
         self._ramp = RampWatch(settings, feedback)
@@ -382,19 +385,30 @@ class PowerSequence:
             return
         self._enter(PowerPhase.UNLOADING)
         self._load_nm = self._feedback.torque_nm
+        self._twist.begin(-self._load_nm)
 
     def _unloading(self, pos_rad: float) -> None:
         """Lower the torque by what the motor still gives, in three steps; a brake that slips gets it back."""
         if self._slip.slipped(pos_rad, Code.BRK_03):
             return
+        self._twist.scan()
         step = self._count // self._step_scans + 1
         if step <= _UNLOAD_STEPS:
             preload_nm = self.holding.preload_nm
             # The angle is checked after each step, so a weak brake shows while the motor still holds most of the load.
             self.torque_ff_nm = self.holding.limited(preload_nm - self._load_nm * step / _UNLOAD_STEPS)
-        elif step > _UNLOAD_STEPS + 1:
+        elif step > _UNLOAD_STEPS + 1 and not self._stood_while_unloading():
             self._enter(PowerPhase.DISABLING)
             self._unloaded = True
+
+    def _stood_while_unloading(self) -> bool:
+        """As much torque has gone as the proof at power-up gives, and the reading has not shown it as it does there.
+
+        An encoder that froze at rest before it was asked is found so: behind the brake nobody can ask any more.
+        """
+        gone_nm = self._feedback.torque_nm - self._load_nm
+        enough = abs(gone_nm) >= self._settings.proof_torque_nm and self._feedback.position_valid
+        return enough and self._twist.stood(gone_nm)
 
     def _disabling(self, _pos_rad: float) -> None:
         if self._feedback.state not in ENABLED:

@@ -1,4 +1,4 @@
-"""The turn of the shaft against the closed brake, under the proof torque: the first proof of the reading."""
+"""The turn of the shaft against the closed brake, as torque comes or goes: a proof of the reading."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gantryctl.program.settings import AxisSettings
 
 
 class Twist:
-    """Watches the reading while the torque proof turns the shaft by the elastic way of the closed brake.
+    """Watches the reading while torque that comes or goes turns the shaft by the elastic way of the closed brake.
 
     The reference brake gives way by 5e-4 rad up to its full torque, so 30 of 400 N m are 25 counts of 2^22 and 3 of
     2^19; play in the hub of a brake adds to it. A reading that shows none of it is frozen, one that turns the other way
@@ -27,7 +27,7 @@ class Twist:
         self.begin(0.0)
 
     def begin(self, torque_nm: float) -> None:
-        """The torque is given from the next scan on."""
+        """The torque comes, or goes with the other sign, from the next scan on."""
         self._from, self._sign = self._feedback.counts, math.copysign(1.0, torque_nm)
         self._with = self._against = 0.0
         self._scans = 0
@@ -44,10 +44,15 @@ class Twist:
         # the torque has turned it at once.
         if self._with >= 1.0 or not self._fine:
             return True
-        if self._against >= 1.0:
+        if not self.stood(torque_nm):
             words = Words.TURNED_AGAINST(value=self._against, torque=torque_nm)
             self._feedback.doubt(Code.ENC_12, measured=words)
-        else:
-            words = Words.WHILE_TORQUE(value=torque_nm)
-            self._feedback.doubt(Code.ENC_02, measured=words, time_ms=self._scans * self._period_s * 1e3)
         return False
+
+    def stood(self, torque_nm: float) -> bool:
+        """Whether the reading has shown nothing at all, neither the torque nor a load that swings: it is in doubt."""
+        if max(self._with, self._against) >= 1.0 or not self._fine:
+            return False
+        words = Words.WHILE_TORQUE(value=torque_nm)
+        self._feedback.doubt(Code.ENC_02, measured=words, time_ms=self._scans * self._period_s * 1e3)
+        return True

@@ -61,6 +61,10 @@ class KnownFaults:
         onset = self.onset
         return onset if onset is not None and ms - onset.ms < _CAUSE_MS else None
 
+    def begun_just_now(self, true: TrueAxis) -> bool:
+        """A fault has begun to act within this scan."""
+        return self.onset is not None and true.ms - self.onset.ms <= true.scans_ms(1.0) + 1.0
+
     def of_feedback(self, ms: int) -> bool:
         """A fault of the feedback is known that may still act."""
         return self._disobeys or (self._onset_of_feedback and self.recent_onset(ms) is not None)
