@@ -19,12 +19,15 @@ from gantryctl.gateway import access as access_module
 from gantryctl.gateway import peers
 from gantryctl.gateway.access import COOKIE, Access
 from gantryctl.gateway.door import Door
-from gantryctl.gateway.guard import CSP, Guard, _limited
+from gantryctl.gateway.guard import CSP, Guard, _limited, deny, error
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.routes import API, ROUTES
 from gantryctl.gateway.sessions import FAILURES
 from gantryctl.gateway.settings import BODY_MAX, Settings
 from gantryctl.gateway.traces import Traces
+from gantryctl.program import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source
@@ -460,3 +463,17 @@ def test_only_files_of_the_folder_itself_are_recordings(tmp_path: Path) -> None:
     found = traces._handle("run.parquet")
     assert found is not None
     os.close(found[2])
+
+
+def test_a_websocket_is_refused_as_against_the_policy_where_no_status_can_be_sent() -> None:
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    async def receive() -> Any:
+        raise AssertionError
+
+    answer = error(403, refusal(Code.SEC_04, reason=Words.FOREIGN_HOST))
+    asyncio.run(deny({"type": "websocket"}, receive, send, answer))
+    assert sent == [{"type": "websocket.close", "code": 1008}]
