@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.oracle.known import KnownFaults
 from gantryctl.engineering.faults.oracle.limits import BRAKE_CLOSES_S
+from gantryctl.engineering.faults.oracle.told import READING_SCANS
 from gantryctl.engineering.faults.oracle.words import TrueAxis
 
 # ms in which a drive that switched itself off is told as an alarm: the heartbeat is missed after 150 ms.
@@ -58,8 +59,13 @@ class Load:
             true.say("INV-6", "torque taken off with the brake open, and no alarm says torque off")
 
     def brake_opens(self, true: TrueAxis) -> None:
-        """The brake opens, behind torque."""
-        if not true.energised or true.ms - self._on_ms < _TORQUE_FIRST_MS:
+        """The brake opens, behind torque; or as it was released under torque that has gone since.
+
+        Such a release nobody withdraws before a scan has shown it and another has told it (seed 30123 at 10 ms, the
+        emergency stop in the last 20 ms in which the brake opens).
+        """
+        just_lost = true.ms - self._off_ms <= true.scans_ms(READING_SCANS)
+        if not (true.energised or just_lost) or true.ms - self._on_ms < _TORQUE_FIRST_MS:
             true.say("INV-6", "the brake opens without torque")
 
     def unheld(self, true: TrueAxis) -> None:
