@@ -11,6 +11,8 @@
 // What of e changes as fast as the load swings, e', is no error of moment or friction. It leads the model
 // back to the machine, as in every observer, and the sum of its squares says how badly a model fits (multiple
 // models, Magill 1965). The backlash is where the parabola through the three best sums has its lowest point.
+// A planned torque near 0 tells nothing: moment and friction, which nobody knows to the last hundred N m,
+// decide whether the gap is crossed there.
 #pragma once
 
 #include "core/control/moment_observer.hpp"
@@ -22,6 +24,8 @@ constexpr double kModelFollows =
     0.5;  // of the swing per radian: an observer with a quarter of critical damping
 constexpr double kMomentKnown =
     0.5;  // of the friction behind the mesh: nearer than that the moment in use is known
+constexpr double kFlankClear =
+    1.0;  // of the friction behind the mesh: nearer to 0 a planned torque may cross the gap or not
 constexpr double kAnyMotorRad = 1e4;  // of the motor, at the gantry: more is no angle
 constexpr double kAnyStepRad = 1e-2;  // of the motor in a scan, at the gantry: more is no motion of a gantry
 
@@ -148,8 +152,9 @@ T backlash_seen(const CompensationParams<T>& p, const CompensationState<T>& s) {
 }
 
 // One scan of all models. x: motor angle less gear error, at the gantry. Nothing is learnt or followed at
-// rest, where torque or angle are no numbers, nor while the moment in use, which says on which flank the load
-// lies, is not yet that which is seen. Returns the backlash that is seen.
+// rest, where torque or angle are no numbers, while the moment in use, which says on which flank the load
+// lies, is not yet that which is seen, nor where the planned torque does not clearly lie on one flank.
+// Returns the backlash that is seen.
 template <class T>
 T observe_backlash(const CompensationParams<T>& p, T ratio, const SetPoint<T>& r, T x, T torque_nm,
                    MaskOf<T> going, CompensationState<T>& s) {
@@ -168,7 +173,10 @@ T observe_backlash(const CompensationParams<T>& p, T ratio, const SetPoint<T>& r
   const LoadInputs<T> in{
       step, vel, select(heard, torque, T(0.0)), holding_moment(now, r.pos).value, friction_load_now(p, s), z};
   const auto moving = both(heard, vabs(z) > T(0.0));
-  const auto tells = both(both(moving, moment_known(p, s)), vabs(r.acc) > T(0.0));
+  const T planned = in.moment_nm + z * in.friction_nm + p.inertia_load_kg_m2 * r.acc;
+  const auto clear = vabs(planned) > T(kFlankClear) * in.friction_nm;
+  const auto ramp = both(vabs(r.acc) > T(0.0), clear);
+  const auto tells = both(both(moving, moment_known(p, s)), ramp);
   const T weight = select(tells, p.observer_weight, T(0.0));
   const T kept = select(tells, p.backlash_memory, T(1.0));
   for (int k = 0; k < kBacklashModels; ++k) {

@@ -21,7 +21,9 @@ struct CompensatedResult {
 
 template <class T>
 Flank<T> flank_now(const CompensationParams<T>& p, const CompensationState<T>& s) {
-  return {backlash_now(p, s), p.flank_friction_share * friction_load_now(p, s)};
+  const T friction = friction_load_now(p, s);
+  const T gone = p.friction_load_nm - friction;
+  return {backlash_now(p, s), p.flank_friction_share * friction, select(gone > T(0.0), gone, T(0.0))};
 }
 
 // Where the load is by motor encoder and maps, at rest: what the set-point starts from.

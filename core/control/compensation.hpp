@@ -152,6 +152,7 @@ template <class T>
 struct Flank {
   T backlash_rad;
   T friction_nm;  // behind the mesh
+  T gone_nm;      // of that friction, since the calibration; 0 where it has grown
 };
 
 template <class T>
@@ -213,6 +214,14 @@ Motion<T> backlash_correction(const CompensationParams<T>& p, const Moment<T>& m
   return {half * (T(0.5) * u * (T(3.0) - u * u)), half * (T(1.5) * (T(1.0) - u * u)) * (rate / p.flank_nm)};
 }
 
+// Half of what the motor goes further one way than the other, less the wind-up of friction that is gone: no
+// more holds a load that has come to rest. Friction that has grown need not hold it by more.
+template <class T>
+Curve<T> lost_motion(const CompensationParams<T>& p, const Flank<T>& flank, T pos) {
+  const Curve<T> mapped = harmonics(p.lost_motion, pos);
+  return {mapped.value - p.compliance_rad_per_nm * flank.gone_nm, mapped.slope};
+}
+
 // All maps at a set-point; limited, and standing still where it is limited.
 template <class T>
 Motion<T> map_correction(const CompensationParams<T>& p, const Moment<T>& m, const Flank<T>& flank,
@@ -225,7 +234,7 @@ Motion<T> map_correction(const CompensationParams<T>& p, const Moment<T>& m, con
   if (p.gear_map) add(gear_correction(p, pos, vel));
   if (p.windup) add(windup_correction(p, m, pos, vel, acc, jerk));
   if (p.reversal) {
-    const Curve<T> lost = harmonics(p.lost_motion, pos);
+    const Curve<T> lost = lost_motion(p, flank, pos);
     add({direction * lost.value, direction * lost.slope * vel + turning * lost.value});
     add(backlash_correction(p, m, flank, direction, turning, pos, vel, acc, jerk));
   }

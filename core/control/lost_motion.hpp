@@ -100,7 +100,7 @@ void use_lost_motion(const CompensationParams<T>& p, const Moment<T>& m, const F
       clamp(seen.change_rad, -p.backlash_held_rad, widest - p.backlash_held_rad) - s.backlash_change_rad;
   const T unsure = T(kSure) * seen.deviation_rad;
   const T step = apart - clamp(apart, -unsure, unsure);
-  const Flank<T> then{flank.backlash_rad + step, flank.friction_nm};
+  const Flank<T> then{flank.backlash_rad + step, flank.friction_nm, flank.gone_nm};
   const T lead = map_correction(p, m, then, s.direction, zero, r.pos, zero, zero, zero).pos -
                  map_correction(p, m, flank, s.direction, zero, r.pos, zero, zero, zero).pos;
   const T twist = backlash_correction(p, m, then, s.direction, zero, r.pos, zero, zero, zero).pos -

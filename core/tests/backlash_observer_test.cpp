@@ -145,6 +145,7 @@ TEST(BacklashObserver, plans_with_what_it_found) {
   s.friction_change_nm = -3.6e3;
   EXPECT_DOUBLE_EQ(flank_now(p, s).backlash_rad, 0.15 * kMm);
   EXPECT_DOUBLE_EQ(flank_now(p, s).friction_nm, 4.2e3);
+  EXPECT_DOUBLE_EQ(flank_now(p, s).gone_nm, 1.8e3);
   const Moment<double> none{0.0, 0.0};
   EXPECT_NEAR(map_correction(p, none, flank_now(p, s), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0).pos, 0.075 * kMm, 1e-18);
   EXPECT_NEAR(map_correction(p, none, flank_now(p, s), -1.0, 0.0, 0.0, 0.0, 0.0, 0.0).pos, -0.075 * kMm,
@@ -152,10 +153,15 @@ TEST(BacklashObserver, plans_with_what_it_found) {
   p.flank_friction_share = 0.5;
   EXPECT_DOUBLE_EQ(flank_now(p, s).friction_nm, 2.1e3);
   EXPECT_DOUBLE_EQ(friction_load_now(p, s), 4.2e3);
+  EXPECT_DOUBLE_EQ(flank_now(p, s).gone_nm, 1.8e3);
+  s.friction_change_nm = 3.6e3;
+  EXPECT_EQ(flank_now(p, s).gone_nm, 0.0);
+  s.friction_change_nm = -3.6e3;
   p.flank_friction_share = 1.0;
   p.backlash_observer = false;
   EXPECT_EQ(flank_now(p, s).backlash_rad, 0.0);
   EXPECT_EQ(flank_now(p, s).friction_nm, 6e3);
+  EXPECT_EQ(flank_now(p, s).gone_nm, 0.0);
 }
 
 TEST(BacklashObserver, packs_give_each_lane_the_bits_that_it_has_alone) {

@@ -57,7 +57,7 @@ TEST(CompensatedLaw, begins_in_the_lanes_that_do_not_follow_yet) {
   s.vel_ring_rad_s = Two(0.4);
   s.twist_slow_rad = Two(0.5);
   s.torque_zero_nm = Two(0.6);
-  begin_following(p, Moment<Two>{Two(0.0), Two(0.0)}, Flank<Two>{Two(0.0), Two(0.0)}, Two(1144.0),
+  begin_following(p, Moment<Two>{Two(0.0), Two(0.0)}, Flank<Two>{Two(0.0), Two(0.0), Two(0.0)}, Two(1144.0),
                   SetPoint<Two>{Two(1.0), Two(2.0), Two(3.0)}, Two(1.5), Two(1.25), s);
   const auto expect = [](const Two& found, double kept, double fresh) {
     EXPECT_EQ(found.lane[0], kept);

@@ -164,5 +164,20 @@ TEST(Maps, take_in_lost_motion_and_backlash) {
   }
 }
 
+// 2 kN m of friction that is gone no longer wind 3e-9 rad/(N m) up: 6 of 10 urad each way.
+TEST(Maps, lose_the_wind_up_of_friction_that_is_gone) {
+  Params p;
+  p.reversal = true;
+  p.flank_nm = 1e3;
+  p.pos_limit_rad = 1e-3;
+  p.lost_motion.mean = 1e-5;
+  p.compliance_rad_per_nm = 3e-9;
+  const Flank<double> less{0.0, 4e3, 2e3};
+  for (double side : {1.0, -1.0}) {
+    EXPECT_NEAR(map_correction(p, {0.0, 0.0}, less, side, 0.0, 0.5, 0.1, 0.0, 0.0).pos, side * 4e-6, 1e-18);
+    EXPECT_NEAR(map_correction(p, {0.0, 0.0}, less, side, 3.0, 0.5, 0.1, 0.0, 0.0).vel, 12e-6, 1e-18);
+  }
+}
+
 }  // namespace
 }  // namespace gantry

@@ -261,7 +261,7 @@ inline Moment<double> calibrated(const CompensationParams<double>& p) {
 }
 
 inline Flank<double> flank(const CompensationParams<double>& p) {
-  return {p.backlash_rad, p.friction_load_nm};
+  return {p.backlash_rad, p.friction_load_nm, 0.0};
 }
 
 // The same in every lane of a pack; maps and fast waves are left as they begin.

@@ -274,7 +274,7 @@ Taken at_the_end(const Params& p, double seen, double side = 1.0, double bias = 
   s.bias_rad = bias;
   s.twist_slow_rad = 1.0;
   fill_sums(s, seen, 0.0025 * 4.0 * 15.9999 / 1.2);
-  use_lost_motion(p, {side * 10.0, 0.0}, {0.2, 2.0}, {kPi / 2.0, 0.0, 0.0}, s);
+  use_lost_motion(p, {side * 10.0, 0.0}, {0.2, 2.0, 0.0}, {kPi / 2.0, 0.0, 0.0}, s);
   EXPECT_EQ(s.moved, 0.0);
   return {s.backlash_change_rad, s.bias_rad, s.twist_slow_rad};
 }
@@ -315,7 +315,7 @@ TEST(LostMotion, is_used_once_at_the_end_of_a_move) {
   State s;
   fill_sums(s, 1.0, 0.0);
   const auto scan = [&](double vel, double acc) {
-    use_lost_motion(p, {10.0, 0.0}, {0.2, 2.0}, {kPi / 2.0, vel, acc}, s);
+    use_lost_motion(p, {10.0, 0.0}, {0.2, 2.0, 0.0}, {kPi / 2.0, vel, acc}, s);
   };
   scan(0.0, 0.0);  // it has not moved
   EXPECT_EQ(s.backlash_change_rad, 0.0);
@@ -341,7 +341,8 @@ TEST(LostMotion, is_used_where_a_move_has_ended) {
   CompensationState<Two> s;
   for (std::size_t n = 0; n < kLeadSums; ++n) s.lead_sums[n] = one.lead_sums[n];
   set_lane(s.moved, 0, 1.0);
-  use_lost_motion(p, {Two(10.0), Two(0.0)}, {Two(0.2), Two(2.0)}, {Two(1.5), Two(0.0), Two(0.0)}, s);
+  use_lost_motion(p, {Two(10.0), Two(0.0)}, {Two(0.2), Two(2.0), Two(0.0)}, {Two(1.5), Two(0.0), Two(0.0)},
+                  s);
   EXPECT_GT(lane(s.backlash_change_rad, 0), 0.9);
   EXPECT_EQ(lane(s.backlash_change_rad, 1), 0.0);
   EXPECT_EQ(lane(s.bias_rad, 1), 0.0);
