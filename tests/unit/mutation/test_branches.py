@@ -68,6 +68,18 @@ def test_a_source_that_no_part_has_seen_counts(tool: Any, root: Path) -> None:
     assert counted(tool, root)[:2] == (2, 4)
 
 
+def test_what_only_a_type_checker_reads_is_no_branch(tool: Any, root: Path) -> None:
+    recorded(root, "one", [*POSITIVE, *NEGATIVE])
+    checked = (
+        "if not TYPE_CHECKING:\n    A = 1\n"
+        "def one(value):\n    match value:\n        case 1:\n            return 1\n"
+        "        case _:\n            assert_never(value)\n"
+        "if __name__ == '__main__':\n    one(1)\n"
+    )
+    (root / FILE).with_name("other.py").write_text(checked)
+    assert counted(tool, root)[:2] == (2, 2)
+
+
 def test_rows_of_other_areas_stay(tool: Any, root: Path) -> None:
     (root / "docs/evidence").mkdir(parents=True)
     tool.write({"program": {"name": "program", "branches": 4, "covered": 3}}, root)
