@@ -10,7 +10,7 @@ import pytest
 from bus.bus_rig import BusRig, bus_machine
 from gantryctl.drives.canopen.bus.link import Frame
 from gantryctl.drives.canopen.drive import CanopenDrive
-from gantryctl.drives.canopen.setup.opening import parameter_rows
+from gantryctl.drives.canopen.setup.opening import UnusableDrive, parameter_rows
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
@@ -137,6 +137,36 @@ def test_a_write_that_the_drive_refuses_is_told_with_its_abort_code() -> None:
     line = next(line for line in bench.drive.refusals if line.startswith("6007:00"))
     assert "writing it: not possible in the drive's present state (abort code 08000022)" in line
     bench.drive.close()
+
+
+@pytest.mark.parametrize(
+    ("answer", "unusable"), [("80 40 60 00 00 00 02 06", True), ("", False)], ids=["refused", "silent"]
+)
+def test_a_drive_without_a_controlword_is_never_started(
+    answer: str, unusable: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A refusal is shown by what the drive has; one that falls silent has not refused it."""
+    bench, sent = Bench(), list[str]()
+    receive, send = bench.link.receive, bench.link.send
+
+    def listen(identifier: int, data: bytes) -> bool:
+        sent.append(f"{identifier:03X} {data.hex()}")
+        return send(identifier, data)
+
+    def answered(wait: float) -> Frame | None:
+        frame = receive(wait)
+        if frame is None or (frame.can_id, frame.data[:4].hex(" ")) != (0x582, "60 40 60 00"):
+            return frame
+        return Frame(0x582, bytes.fromhex(answer)) if answer else None
+
+    monkeypatch.setattr(bench.link, "send", listen)
+    monkeypatch.setattr(bench.link, "receive", answered)
+    with pytest.raises(DeviceError, match="6040:00") as raised:
+        bench.drive.open()
+    assert isinstance(raised.value, UnusableDrive) is unusable
+    if isinstance(raised.value, UnusableDrive):
+        assert raised.value.facts.has(0x60FF)
+    assert "000 0102" not in sent
 
 
 @pytest.mark.parametrize("rated_mnm", [0, 1, 107, 52, 330, 1_000_000])

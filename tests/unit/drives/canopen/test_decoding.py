@@ -6,6 +6,7 @@ import pytest
 
 from gantryctl.drives.canopen.decoding.decoder import DecodedFrame, FrameDecoder, Kind
 from gantryctl.drives.canopen.decoding.objects import object_value
+from gantryctl.drives.od.standard import STANDARD
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.trace.frames.ring import BusFrame
 from gantryctl.wiring.canopen import canopen_settings
@@ -115,6 +116,10 @@ def test_the_machine_file_completes_what_a_log_does_not_tell() -> None:
     decoder = FrameDecoder(settings)
     assert "(60.000 r/min)" in str(decode(decoder, 0x602, "23ff600000000800"))  # inc/s, 524288 a turn
     assert "mains_ready" in str(decode(decoder, 0x582, "43fd600000000400"))  # bit 18
+    # 1000 is the rated torque, 257 N m by the file until the drive tells its own.
+    assert "= 1000 (257.00 N m)" in str(decode(decoder, 0x582, "4b776000e8030000"))
+    decode(decoder, 0x582, "43766000e0930400")  # 300 N m
+    assert "= 1000 (300.00 N m)" in str(decode(decoder, 0x582, "4b776000e8030000"))
 
 
 def test_an_eds_tells_the_telegrams_of_a_log_that_begins_later() -> None:
@@ -163,6 +168,13 @@ def test_an_object_without_a_machine_file(index: int, sub: int, data: str, value
     found = object_value(index, sub, bytes.fromhex(data), {}, None)
     assert found.value == value
     assert found.text.startswith(text)
+
+
+@pytest.mark.parametrize("length", range(9))
+def test_an_object_of_any_length_has_a_text(length: int) -> None:
+    """A node may send fewer or more bytes than the standard has for an object."""
+    for index, sub in STANDARD:
+        assert object_value(index, sub, b"\xff" * length, {}, None).text
 
 
 def test_another_telegram_of_the_same_node_stays_when_one_is_mapped_anew() -> None:

@@ -234,6 +234,23 @@ def test_the_telegram_of_the_ring_is_position_and_alarms() -> None:
     assert (telegram.number, telegram.size) == (0, 6)
 
 
+def test_an_encoder_on_the_bus_is_the_ring() -> None:
+    """A quarter of 2^20 steps is 90 deg; what its telegram has not told yet, or tells with an alarm, is no angle."""
+    beside = neighbours(load_encoder=RING)
+    assert beside.encoder is not None
+    beside.encoder.node.open = lambda: None  # type: ignore[method-assign]
+    beside.encoder.node.remote.sdo = Dictionary({(0x6501, 0): 1 << 20, (0x6502, 0): 1})  # type: ignore[assignment]
+    beside.open()
+    assert math.isnan(beside.ring_rad(None))  # type: ignore[arg-type]
+    quarter = (1 << 18).to_bytes(4, "little")
+    for alarms, angle_deg in ((b"\0\0", 90.0), (b"\1\0", math.nan), (b"\0\1", math.nan)):
+        beside.begin(1)
+        beside.encoder.node.watch.take(quarter + alarms, True)
+        beside.encoder.node.watch.settle()
+        angle = beside.ring_rad(None)  # type: ignore[arg-type]
+        assert math.degrees(angle) == pytest.approx(angle_deg, nan_ok=True)
+
+
 def test_an_encoder_need_not_watch_the_controller() -> None:
     """1016: it does nothing that would have to stop with it."""
     assert not any(row.needed for row in ring(1 << 20, 1).node._objects)

@@ -10,12 +10,14 @@ import pytest
 from gantryctl.drives.canopen import mapping as m
 from gantryctl.drives.canopen.bus import link as bus_link
 from gantryctl.drives.canopen.bus import lock
+from gantryctl.drives.canopen.bus.block_transfer import download, upload
 from gantryctl.drives.canopen.bus.link import UDP_GROUP, BusLink, Frame, open_bus
+from gantryctl.drives.canopen.bus.node import NodeIdentity
 from gantryctl.drives.canopen.bus.requests import SdoRequests
-from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError, _Exchange
 from gantryctl.drives.canopen.setup import parameter_check as check
 from gantryctl.drives.canopen.setup.gains import read_gains
-from gantryctl.drives.canopen.setup.live_facts import read_only_of, with_mapped
+from gantryctl.drives.canopen.setup.live_facts import read_facts, read_only_of, with_mapped
 from gantryctl.drives.canopen.setup.opening import (
     _takes_csv,
     read_restart_marker,
@@ -79,6 +81,8 @@ def test_a_drive_that_falls_silent_in_its_parameters_is_no_sparse_drive() -> Non
         _takes_csv(node)
     with pytest.raises(SdoError):
         read_only_of(Silent({(0x1400, 2): 1}, 0x1400), [(0x1400, 2)])  # type: ignore[arg-type]
+    with pytest.raises(SdoError):
+        read_facts(Silent({}, 0x6502), NodeIdentity(1, 2, 3, 4, 402, "", "", ""), [(0x6502, 0)])  # type: ignore[arg-type]
     with pytest.raises(SdoError):
         read_gains(Silent({}, *range(0x2000, 0x6000)), load_profile("maxon_epos4").speed_loop)  # type: ignore[arg-type]
 
@@ -158,6 +162,43 @@ def test_an_object_of_another_type_is_no_number() -> None:
     assert client(wire).text(0x1008) == "abcd"
     with pytest.raises(DeviceError, match="6040:00"):
         client(wire).set(0x6040, 0, 70_000)
+
+
+# An object of 14 bytes in two segments, without a checksum: announced, sent, ended.
+TEXT_TO_COME, SEGMENTS = "C2 00 20 00 {:02X} 00 00 00", ["01 61 62 63 64 65 66 67", "82 68 69 6A 6B 6C 6D 6E"]
+
+
+@pytest.mark.parametrize(
+    ("told", "most", "abort"),
+    [(14, 14, ""), (14, 13, "80 00 20 00 05 00 04 05"), (15, 14, "80 00 20 00 10 00 07 06")],
+)
+def test_an_upload_by_blocks_that_is_too_long_or_not_as_long_as_told_is_ended(
+    told: int, most: int, abort: str
+) -> None:
+    """CiA 301: 0504 0005h is out of memory, 0607 0010h a length that does not match."""
+    wire = Wire()
+    wire.answers = {
+        "A4 00 20 00 7F 00 00 00": [TEXT_TO_COME.format(told)],
+        "A3 00 00 00 00 00 00 00": SEGMENTS,
+        "A2 02 7F 00 00 00 00 00": ["C1 00 00 00 00 00 00 00"],
+    }
+    exchange = _Exchange(client(wire), 0x2000, 0)
+    if abort:
+        with pytest.raises(SdoError):
+            upload(exchange, most)
+        assert wire.sent[-1] == (0x602, abort)
+    else:
+        assert upload(exchange, most) == b"abcdefghijklmn"
+
+
+@pytest.mark.parametrize("segments", [0, 128])
+def test_a_block_has_1_to_127_segments(segments: int) -> None:
+    """CiA 301: 0504 0002h is an invalid block size; nothing is sent before."""
+    wire = Wire()
+    wire.answers = {"C6 00 20 00 0E 00 00 00": [f"A4 00 20 00 {segments:02X} 00 00 00"]}
+    with pytest.raises(SdoError):
+        download(_Exchange(client(wire), 0x2000, 0), bytes(14))
+    assert wire.sent[1:] == [(0x602, "80 00 20 00 02 00 04 05")]
 
 
 def test_a_text_that_is_refused_is_none_and_one_that_is_not_answered_an_error() -> None:

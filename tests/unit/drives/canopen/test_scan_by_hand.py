@@ -260,3 +260,13 @@ def test_each_counter_has_its_own_name() -> None:
     # The end of an error is counted and is no message.
     assert (found.emergencies, [text[:9] for text in found.messages]) == (2, ["EMCY 2310"])
     drive.close()
+
+
+def test_a_controller_that_sends_no_sync_listens_for_a_period() -> None:
+    """Behind a drive of a maker there is no plant that somebody has to step."""
+    bench = Bench().open().enable()
+    bench.drive.silent_process_data = True
+    bench.drive.plant = None
+    begun = bench.link.now_s()
+    bench.scan()
+    assert bench.link.now_s() - begun == pytest.approx(SYNC_S)

@@ -130,6 +130,16 @@ def test_the_ramp_in_the_unit_of_the_maker(profile: str, ramp: int) -> None:
     assert found[0x6085, 0] == ramp
 
 
+@pytest.mark.parametrize(
+    ("profile", "who"),
+    [("", "no profile fits this drive"), ("festo_cmmt", "profile festo_cmmt has none")],
+)
+def test_a_speed_in_no_known_unit_is_never_commanded(profile: str, who: str) -> None:
+    given = settings(velocity_unit=None, profile=load_profile(profile) if profile else None)
+    with pytest.raises(DeviceError, match=f"the unit of 60FF is not known.*{who}"):
+        _ = given.speed_per_rad_s
+
+
 @pytest.mark.parametrize("place", [place for place in WANTED if place != (0x6076, 0)])
 def test_a_parameter_that_is_otherwise_differs(place: Place) -> None:
     (parameter,) = [p for p in wanted_of(settings(), None) if (p.obj, p.sub) == place]

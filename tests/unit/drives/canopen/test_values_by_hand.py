@@ -11,7 +11,9 @@ import pytest
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.drives.canopen.setup.gains import planned_changes, read_gains, write_gains
 from gantryctl.drives.canopen.setup.parameters import backup, check_backup, read_objects, restore
+from gantryctl.drives.od.model import Access, DeviceDescription, Entry, ObjectKind, ObjectSpec
 from gantryctl.drives.od.standard import STANDARD
+from gantryctl.drives.od.types import DataType
 from gantryctl.drives.profiles import Gain, SpeedLoop
 from gantryctl.errors import CommandRefused, DeviceError
 
@@ -90,6 +92,15 @@ def test_only_the_gain_that_is_asked_for_changes() -> None:
     assert (node.number(*KP), node.number(*KI)) == (10, 40)
 
 
+def test_a_gain_that_is_a_real_number_is_written_as_one() -> None:
+    """REAL32: 0.75 is 3F40 0000h, twice as much 3FC0 0000h."""
+    node = Node({KP: bytes.fromhex("0000403F")})
+    loop = SpeedLoop(kp=Gain(object="2500:01", real=True), ki=Gain(object="2500:02"))
+    changes = planned_changes(read_gains(node.sdo, loop), {}, {"kp": 2.0})
+    write_gains(node, changes, 524_288)  # type: ignore[arg-type]
+    assert node.values[KP] == bytes.fromhex("0000C03F")
+
+
 def test_a_gain_that_is_too_large_for_its_object_is_not_written() -> None:
     """Two bytes with a sign hold 32 767; the gain before it gets its old value again."""
     node = gains()
@@ -119,6 +130,13 @@ def test_a_refused_object_stands_in_the_list_and_silence_ends_it() -> None:
     node.reads[RAMP] = NO_ANSWER
     with pytest.raises(SdoError, match="no answer"):
         read_objects(node.sdo, None)
+
+
+def test_the_entries_of_an_eds_are_read_in_place_of_those_of_the_standards() -> None:
+    entry = Entry(0x2000, 1, "gain", DataType.UNSIGNED16, Access.RW)
+    device = DeviceDescription({0x2000: ObjectSpec(0x2000, "gains", ObjectKind.RECORD, {1: entry})})
+    (row,) = read_objects(Node({(0x2000, 1): b"\x10\x01"}).sdo, device)
+    assert (row.obj, row.sub, row.name, row.shown) == (0x2000, 1, "gain", "272 (110h)")
 
 
 def test_a_value_of_another_length_is_shown_as_it_is() -> None:

@@ -86,9 +86,8 @@ def object_value(
     if standard is not None:
         try:
             value = decode(standard.data_type, data)
-        except ValueError:  # another length than the standard has
-            if standard.data_type in INTEGERS:
-                value = int.from_bytes(data, "little", signed=INTEGERS[standard.data_type].signed)
+        except ValueError:  # another length than the standard has; of its types only whole numbers have one
+            value = int.from_bytes(data, "little", signed=INTEGERS[standard.data_type].signed)
     if not isinstance(value, int):
         text = repr(value)
     elif index in _MAPPINGS and sub:
