@@ -298,6 +298,12 @@ def test_nobody_commands_the_brake_without_60fe() -> None:
     assert (row.standing, row.acceptable, row.proof) == (Standing.LACKING, False, "")
 
 
+def test_a_brake_at_an_output_of_the_controller_is_commanded_there() -> None:
+    wired = {"brake.owner": "controller_output", "can.io.node": 9, "can.io.outputs.brake_release": 4}
+    row = row_of("keeps_brake", machine=with_values(REAL, wired), proofs=Proofs())
+    assert (row.standing, row.by) == (Standing.OBJECT, "6200 bit 4 of node 9")
+
+
 def test_scales_that_contradict_the_machine_are_lacking() -> None:
     assert row_of("knows_counts", changed(FACTS, o608F_1=65536)).standing is Standing.LACKING
     assert row_of("knows_speed_unit", changed(FACTS, o60A9=0x00B4_4700)).standing is Standing.LACKING
@@ -313,6 +319,12 @@ def test_scales_that_contradict_the_machine_are_lacking() -> None:
     row = row_of("knows_counts", no_608f)
     assert (row.standing, row.acceptable, row.proof) == (Standing.LACKING, True, "")
     assert row_of("knows_counts", changed(FACTS, o608F_1=None), proofs=Proofs()).proof == "sign"
+
+
+def test_a_profile_of_another_maker_is_lacking() -> None:
+    row = row_of("knows_speed_unit", machine=with_values(REAL, {"can.profile": "maxon_epos4"}))
+    assert (row.standing, row.by_file) == (Standing.LACKING, True)
+    assert "1018:01" in row.text
 
 
 def test_what_makes_up_for_a_lack_says_its_cost() -> None:

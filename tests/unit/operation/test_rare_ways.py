@@ -301,6 +301,25 @@ def test_work_beside_the_scan_ends_with_its_result_or_with_the_operator() -> Non
     run.close("done")
 
 
+def test_in_virtual_time_nothing_passes_while_a_person_works() -> None:
+    """The work is done between two scans, not beside them."""
+    run = AxisRun(IDEAL)
+    run.power_up()
+    scans = run.engine.scan
+    assert run.while_standing(threading.get_ident) == threading.get_ident()
+    assert run.engine.scan == scans
+    run.close("done")
+
+
+def test_a_recording_of_a_run_that_was_refused_is_closed() -> None:
+    """Before anything was switched on: not a scan is made."""
+    closed = list[str]()
+    recorder = SimpleNamespace(record=None, close=lambda: closed.append("recording"))
+    run = AxisRun(IDEAL, recorder=lambda columns: recorder)  # type: ignore[arg-type, return-value]
+    run.close("refused")
+    assert (run.engine.scan, closed) == (0, ["recording"])
+
+
 @pytest.mark.parametrize("finish", [True, False])
 @pytest.mark.parametrize("comes", ["stop", "alarm", "nothing"])
 def test_only_work_that_must_end_is_waited_for_whatever_comes(

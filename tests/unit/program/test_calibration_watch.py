@@ -205,6 +205,15 @@ class TestMemory:
         again.restore({**watch.memory, **broken})
         assert again.found == {}
 
+    @pytest.mark.parametrize(("square", "told"), [(0.0, True), (-1e6, False)])
+    def test_sums_that_no_motion_makes_tell_nothing(self, square: float, *, told: bool) -> None:
+        """A sum of squares below zero has no solution."""
+        watch = new_watch()
+        watch.restore({**watch.memory, "torque": [12e3, *[square] * 10]})
+        watch.scan(0.0, 0.0, 0.0, 0.0, 0.0)
+        assert not watch.rest()
+        assert ("moment" in watch.seen) is told
+
     def test_it_has_always_the_same_size(self) -> None:
         watch = new_watch()
         turned(watch, moves=1)

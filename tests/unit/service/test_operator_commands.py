@@ -312,6 +312,16 @@ def test_an_increment_goes_the_way_of_its_key() -> None:
     assert deg(bench.axis.virtual.pos_ref_rad) == pytest.approx(0.5, abs=1e-6)
 
 
+def test_who_takes_control_again_keeps_the_key_that_is_held() -> None:
+    """Another screen that takes control ends it; the holder's own page may ask twice."""
+    bench = Bench()
+    jogging(bench)
+    bench.do(bench.who(), "take", over=False)
+    assert bench.operator.hold.alive
+    bench.do(bench.who(Role.SERVICE, place="local"), "take", over=False)
+    assert not bench.operator.hold.alive
+
+
 @pytest.mark.parametrize(("place", "remote"), [("console", False), ("local", False), ("remote", True)])
 def test_the_axis_knows_whether_its_holder_stands_beside_it(place: str, remote: bool) -> None:
     """A screen elsewhere moves slowly without an enabling switch; whoever is at the machine does not."""
