@@ -339,6 +339,13 @@ def test_what_makes_up_for_a_lack_says_its_cost() -> None:
     )
 
 
+def test_an_object_that_goes_into_no_telegram_is_no_csv_axis() -> None:
+    position = replace(FACTS.objects[0x6064, 0], mappable=False)
+    row = row_of("maps_telegrams", replace(FACTS, objects={**FACTS.objects, (0x6064, 0): position}))
+    assert (row.standing, row.acceptable) == (Standing.LACKING, False)
+    assert "6064" in row.text
+
+
 def test_fixed_telegrams_are_no_csv_axis() -> None:
     fixed = dict(FACTS.objects)
     fixed[0x1600, 0] = replace(fixed[0x1600, 0], writable=False)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.errors import UsageError
 from gantryctl.machine import with_values
 from gantryctl.operation import opening
 from gantryctl.operation.opening import (
@@ -35,6 +36,21 @@ RAW = FRESH.drive.read().pos_act_counts
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
     return tmp_path
+
+
+def test_there_is_no_new_machine_behind_a_real_drive() -> None:
+    """Its zero is set by a person, and kept: without a state directory nobody knows where it stands."""
+    real = with_values(
+        MACHINE,
+        {
+            "drive.kind": "canopen",
+            "control.scan_period_ms": 4.0,
+            "can.interface": "socketcan",
+            "can.channel": "can0",
+        },
+    )
+    with pytest.raises(UsageError, match="has no new machine behind it"):
+        open_axis(real, None)
 
 
 def kept(turned_deg: float = 0.0, error_stop: str = "") -> StateStore:

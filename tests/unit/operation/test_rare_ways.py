@@ -399,6 +399,17 @@ def test_a_log_of_the_bus_is_finished_whatever_ends_it(fails: bool, tmp_path: Pa
     assert [frame.data for frame in read_frames(file)] == [b"12"]
 
 
+def test_the_frames_before_an_alarm_are_kept_where_there_is_a_log(tmp_path: Path) -> None:
+    bus_log.freeze(tmp_path, "CAN-03")
+    assert list(tmp_path.iterdir()) == []
+    with bus_log.logged_bus(None) as recorder:
+        recorder.link("can0", virtual=False)(1.0, 0x182, b"12", False)
+        bus_log.freeze(tmp_path, "CAN-03")
+    (kept,) = recorder.frozen
+    assert (kept.parent, "CAN-03" in kept.name) == (tmp_path, True)
+    assert [frame.data for frame in read_frames(kept)] == [b"12"]
+
+
 def test_the_last_frames_around_an_alarm_are_the_newest_of_all_machines(folder: Path) -> None:
     with pytest.raises(UsageError, match="no frames around an alarm"):
         bus_log.last_frozen()

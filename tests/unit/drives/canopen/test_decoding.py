@@ -155,6 +155,7 @@ def test_room_that_a_telegram_leaves_empty_is_no_object() -> None:
 @pytest.mark.parametrize(
     ("index", "sub", "data", "value", "text"),
     [
+        (0x6040, 0, "0F 00", 0x0F, "000Fh enable operation"), (0x6040, 0, "0B 00", 0x0B, "000Bh a combination of bits"),
         (0x603F, 0, "10 23", 0x2310, "EMCY 2310: overcurrent"), (0x6041, 0, "37 12", 0x1237, "1237h operation enabled"),
         (0x60FD, 0, "01 00 01 00", 0x0001_0001, "00010001h"), (0x1005, 0, "80 00 00 00", 0x80, "80h (128)"),
         (0x1A00, 1, "10 00 41 60", 0x6041_0010, "60410010h Statusword"), (0x1A00, 0, "03", 3, "3"),

@@ -384,6 +384,32 @@ SAFE = {
     (0x6041, 0): 0x40, (0x6502, 0): 0x100, (0x6007, 0): 1, (0x605E, 0): 2, (0x605A, 0): 2, (0x1016, 1): 1,
     (0x1400, 5): 50, (0x1005, 0): 0x80, (0x603F, 0): 0,
 }  # fmt: skip
+OF_TWO_BYTES = (0x6041, 0x6007, 0x605E, 0x605A, 0x6072, 0x1400, 0x603F)
+
+
+def surveyed(changes: dict[tuple[int, int], int | None]) -> tuple[str, ...]:
+    """Remarks of a drive that is safe but for these objects; None takes one away."""
+    held = {place: value for place, value in (PLATE | SAFE | changes).items() if value is not None}
+    wire = Wire()
+    send = wire.send
+
+    def answer(can_id: int, data: bytes) -> bool:
+        done = send(can_id, data)
+        place = data[1] | data[2] << 8, data[3]
+        head = data[1:4].hex()
+        value = held.get(place)
+        if value is None:
+            text = f"80{head}00000206"
+        else:
+            text = f"{'4B' if place[0] in OF_TWO_BYTES else '43'}{head}{value.to_bytes(4, 'little').hex()}"
+        wire.comes(0x580 + NODE, text)
+        return done
+
+    wire.send = answer  # type: ignore[method-assign]
+    wire.comes(0x702, "7F", "")
+    wire.comes(0x123, "00")
+    (found,) = survey(wire, 0.01, range(NODE, NODE + 1))  # type: ignore[arg-type]
+    return found.remarks
 
 
 @pytest.mark.parametrize(
@@ -406,26 +432,13 @@ SAFE = {
     ],
 )
 def test_a_survey_names_each_danger(changes: dict[tuple[int, int], int | None], words: str) -> None:
-    held = {place: value for place, value in (PLATE | SAFE | changes).items() if value is not None}
-    wire = Wire()
-    send = wire.send
-
-    def answer(can_id: int, data: bytes) -> bool:
-        done = send(can_id, data)
-        place = data[1] | data[2] << 8, data[3]
-        head = data[1:4].hex()
-        value = held.get(place)
-        text = f"80{head}00000206" if value is None else f"43{head}{value.to_bytes(4, 'little').hex()}"
-        sizes = {0x6041: "4B", 0x6007: "4B", 0x605E: "4B", 0x605A: "4B", 0x1400: "4B", 0x603F: "4B"}
-        if value is not None and place[0] in sizes:
-            text = f"{sizes[place[0]]}{head}{value.to_bytes(4, 'little').hex()}"
-        wire.comes(0x580 + NODE, text)
-        return done
-
-    wire.send = answer  # type: ignore[method-assign]
-    wire.comes(0x702, "7F", "")
-    wire.comes(0x123, "00")
-    (found,) = survey(wire, 0.01, range(NODE, NODE + 1))  # type: ignore[arg-type]
-    said = " | ".join(remark for remark in found.remarks if not remark.startswith("profile"))
+    said = " | ".join(surveyed(changes))
     assert words in said
     assert bool(said) is bool(words)
+
+
+def test_a_survey_names_the_profile_and_what_a_maker_delivers() -> None:
+    """An Elmo drive that has the ramp of the factory, and another limit of torque than that."""
+    profile, ramp = surveyed({(0x1018, 1): 0x9A, (0x6085, 0): 2_000_000_000, (0x6072, 0): 1498})
+    assert profile.startswith("profile elmo_gold (")
+    assert ramp.startswith("6085:00 = 2000000000 as delivered: no ramp to speak of")
