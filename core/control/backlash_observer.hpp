@@ -11,8 +11,8 @@
 // What of e changes as fast as the load swings, e', is no error of moment or friction. It leads the model
 // back to the machine, as in every observer, and the sum of its squares says how badly a model fits (multiple
 // models, Magill 1965). The backlash is where the parabola through the three best sums has its lowest point.
-// A planned torque near 0 tells nothing: moment and friction, which nobody knows to the last hundred N m,
-// decide whether the gap is crossed there.
+// A planned torque near 0 tells nothing: whether the gap is crossed there depends on the friction, which
+// holds a load that begins to move by anything between all of it either way.
 #pragma once
 
 #include "core/control/moment_observer.hpp"
@@ -25,7 +25,7 @@ constexpr double kModelFollows =
 constexpr double kMomentKnown =
     0.5;  // of the friction behind the mesh: nearer than that the moment in use is known
 constexpr double kFlankClear =
-    1.0;  // of the friction behind the mesh: nearer to 0 a planned torque may cross the gap or not
+    2.0;  // of the friction behind the mesh: nearer to 0 a planned torque may cross the gap or not
 constexpr double kAnyMotorRad = 1e4;  // of the motor, at the gantry: more is no angle
 constexpr double kAnyStepRad = 1e-2;  // of the motor in a scan, at the gantry: more is no motion of a gantry
 
