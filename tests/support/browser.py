@@ -199,7 +199,7 @@ def until_moving(watcher: Watcher) -> None:
     watcher.until(lambda tags: abs(tags["vel_ref_deg_s"]) > MOVING_DEG_S)
 
 
-def press_until_moving(page: Page, watcher: Watcher, direction: str) -> int:
+def press_until_moving(page: Page, watcher: Watcher, direction: str = "forward") -> int:
     """Press until the set-point moves; returns how many presses were not taken.
 
     A press whose frame is older than 200 ms is none: on a computer that is busy that happens now and then, and a person

@@ -26,6 +26,7 @@ from gantryctl.service.supervisor.users import Users
 
 PASSWORD = "correct horse battery"
 PATIENCE_S = 30.0
+_TOO_OLD, _ASKED_MAX = "SEC-02", 5
 RELEASED = """
 from gantryctl.drives.simulated import SimDrive
 made = SimDrive.__init__
@@ -251,7 +252,19 @@ class Page:
         return int(message["seq"])
 
     def ask(self, kind: str, **values: Any) -> dict[str, Any]:
-        """Send a message and wait for its reply."""
+        """Send a message and wait for its reply.
+
+        A picture that has become too old meanwhile is refused (SEC-02), as happens on a busy computer: then it is asked
+        again from the next picture, unless the message names its picture or number itself.
+        """
+        for _ in range(_ASKED_MAX):
+            reply = self._asked(kind, **values)
+            if reply["code"] != _TOO_OLD or "frame" in values or "seq" in values:
+                break
+            self.look()
+        return reply
+
+    def _asked(self, kind: str, **values: Any) -> dict[str, Any]:
         seq = self.say(kind, **values)
         while seq not in self.replies:
             self.take(self.socket.recv(PATIENCE_S))

@@ -18,7 +18,7 @@ from support.browser import (
     farthest_deg,
     kill,
     look_on,
-    press,
+    press_until_moving,
     ready_to_jog,
     until_moving,
 )
@@ -40,8 +40,7 @@ def at_rest_before(watcher: Watcher, farthest: float) -> None:
 def jogging(context: BrowserContext, service: Service, watcher: Watcher) -> Page:
     page = enter(context, service, "operator")
     ready_to_jog(page)
-    press(page)
-    until_moving(watcher)
+    press_until_moving(page, watcher)
     return page
 
 
@@ -91,8 +90,7 @@ def test_it_stops_however_the_press_ends(
     page = enter(context, page_service, "operator")
     ready_to_jog(page)
     for name, end in ENDINGS.items():
-        press(page)
-        until_moving(watcher)
+        press_until_moving(page, watcher)
         end(page)
         farthest = farthest_deg(watcher)
         watcher.until(lambda tags: tags["at_rest"])
@@ -132,8 +130,7 @@ def test_a_short_freeze_of_the_network_does_not_stop_it(
     page = frozen_page(context, page_service)
     # Here a page may have waited for a processor when the freeze comes, and both together are longer than the lease.
     for _ in range(3):
-        press(page)
-        until_moving(watcher)
+        press_until_moving(page, watcher)
         proxy.frozen_for(0.12)
         slowest_deg_s = min(look_on(watcher, FRAMES_AFTER))
         page.mouse.up()
@@ -152,16 +149,14 @@ def test_a_long_freeze_stops_it_once_and_for_good(
 ) -> None:
     """The button is still down after the thaw: only a new press may move the axis again."""
     page = frozen_page(context, page_service)
-    press(page)
-    until_moving(watcher)
+    press_until_moving(page, watcher)
     farthest = farthest_deg(watcher)
     proxy.frozen_for(frozen_ms / 1000)
     at_rest_before(watcher, farthest)
     expect(page.locator("[data-hold=forward]")).to_have_attribute("aria-pressed", "false")
     page.locator("[data-stale=false]").wait_for()
     page.mouse.up()
-    press(page)
-    until_moving(watcher)
+    press_until_moving(page, watcher)
 
 
 @pytest.mark.parametrize(

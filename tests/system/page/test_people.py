@@ -9,7 +9,7 @@ from websockets.sync.client import connect
 
 from gantryctl.gateway.access import COOKIE
 from gantryctl.service.protocol.roles import Action, Role, may
-from support.browser import MOVING_DEG_S, SIZE, enter, press, ready_to_jog, until_moving
+from support.browser import SIZE, enter, press_until_moving, ready_to_jog
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
@@ -35,8 +35,7 @@ def test_one_has_control_the_other_sees_who_and_can_stop(
         second = enter(other, page_service, "physicist")
         expect(second.get_by_test_id("control")).to_contain_text("operator")
         expect(second.locator("[data-hold=forward]")).to_be_disabled()
-        press(first)
-        until_moving(watcher)
+        press_until_moving(first, watcher)
         expect(second.get_by_role("button", name="Take over")).to_be_disabled()  # only at standstill
         second.get_by_role("button", name="Stop", exact=True).click()
         watcher.until(lambda tags: tags["at_rest"])
@@ -46,8 +45,7 @@ def test_one_has_control_the_other_sees_who_and_can_stop(
         expect(second.get_by_test_id("control")).to_contain_text("you")
         expect(first.get_by_test_id("control")).to_contain_text("physicist")
         expect(first.locator("[data-hold=forward]")).to_be_disabled()
-        press(second)
-        watcher.until(lambda tags: tags["vel_ref_deg_s"] > MOVING_DEG_S)
+        press_until_moving(second, watcher)
         second.mouse.up()
 
 

@@ -17,9 +17,9 @@ from support.browser import (
     farthest_deg,
     look_on,
     press,
+    press_until_moving,
     ready_to_jog,
     take_control,
-    until_moving,
 )
 from support.service_process import Page as Watcher
 from support.service_process import Service
@@ -47,8 +47,7 @@ def test_with_40_ms_there_and_back_a_key_moves_and_stops(
     with browser.new_context(viewport=SIZE, locale="en-GB") as context:
         page = enter(context, page_service, "operator", frozen=True)
         ready_to_jog(page)
-        press(page)
-        until_moving(watcher)
+        press_until_moving(page, watcher)
         shown = page.locator("[data-tag=round_trip_ms]").inner_text()
         assert float(shown.split()[0]) >= 40.0
         slow.freeze()
