@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.engineering.campaign.job import REFUSED
 from gantryctl.engineering.fault_campaign import job
 from gantryctl.engineering.fault_campaign.draw import random_scenario
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign, campaign_of
+from gantryctl.engineering.fault_campaign.matrix import Cell, cell
 from gantryctl.engineering.fault_campaign.play import Played, play
 from gantryctl.engineering.fault_campaign.result import LOG_FILE, FaultResult
 from gantryctl.engineering.fault_campaign.run import CampaignEnd, run_fault_campaign
@@ -82,6 +84,44 @@ def test_a_folder_holds_one_campaign(tmp_path: Path) -> None:
         FaultResult.read(tmp_path / "nothing")
     with pytest.raises(UsageError, match="one of random, pairs, wide, matrix"):
         campaign_of("all")
+
+
+def test_cells_that_are_not_wanted_are_left_out_of_the_matrix(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of 60 cells is played, or has its reason; the same folder takes no other part."""
+    ran: list[tuple[str, float]] = []
+
+    def run_it(at: Cell) -> dict[str, object]:
+        ran.append((at.drive, at.scan_ms))
+        return {
+            "refused": "",
+            "violations": [],
+            "drive": at.drive,
+            "scan_ms": at.scan_ms,
+            "faults": at.case.number,
+        }
+
+    monkeypatch.setattr(job, "run_cell", run_it)
+    campaign = campaign_of("matrix", scan_ms=4.0, drive="sim")
+    rows = job.FaultJob(campaign).rows(0, 60)
+    cells = [cell(number) for number in range(60)]
+    wanted = [(at.drive, at.scan_ms) == ("sim", 4.0) for at in cells]
+    assert ran == [("sim", 4.0)] * sum(wanted)
+    assert 4 <= sum(wanted) <= 20  # a sixth of them
+    assert [why == "" for why in rows[REFUSED]] == wanted
+    assert list(rows["faults"]) == [at.case.number for at in cells]
+    assert {
+        why for at, why in zip(cells, rows[REFUSED], strict=True) if at.drive == "sim" and at.scan_ms != 4.0
+    } == {"left out: 4 ms alone is played"}
+    FaultResult(tmp_path, campaign).begin()
+    assert FaultResult.read(tmp_path).campaign == campaign
+    with pytest.raises(
+        UsageError, match=r"holds another campaign \(matrix, series 1, scan 4 ms, sim alone; this one"
+    ):
+        FaultResult(tmp_path, campaign_of("matrix", scan_ms=4.0)).begin()
+    with pytest.raises(UsageError, match="of the matrix must be one of 1, 4, 10 ms, got 2"):
+        campaign_of("matrix", scan_ms=2.0)
 
 
 def test_what_broke_is_kept_with_its_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

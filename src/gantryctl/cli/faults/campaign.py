@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
     from gantryctl.engineering.fault_campaign.scenario import Scenario
+    from gantryctl.engineering.faults.run import DriveKind
 
 _SEEDS = Whole(0, 2**40)
 
@@ -26,7 +27,10 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which campaign."""
     for option in (
         click.option(
-            "--scan", type=FINITE, help="Scan period of every scenario in ms; drawn when not given."
+            "--scan",
+            type=FINITE,
+            help="Scan period in ms, of every scenario, or of the cells of the matrix that are wanted; drawn, or all, "
+            "when not given.",
         ),
         click.option(
             "--series", type=_SEEDS, default=1, show_default=True, help="Other scenarios of the kind."
@@ -44,14 +48,19 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def _campaign(kind: str, series: int, scan: float | None) -> FaultCampaign:
+def _campaign(kind: str, series: int, scan: float | None, drive: DriveKind | None = None) -> FaultCampaign:
     from gantryctl.engineering.fault_campaign.kinds import campaign_of
 
-    return campaign_of(kind, series, scan)
+    return campaign_of(kind, series, scan, drive)
 
 
 @click.command()
 @_campaign_options
+@click.option(
+    "--drive",
+    type=click.Choice(("sim", "bus")),
+    help="Leave out the runs on the other drive: simulated in process, or virtual behind a bus; both when not given.",
+)
 @click.option("--first", type=_SEEDS, default=0, show_default=True, help="First seed.")
 @click.option("--count", type=Whole(1, 2**40), default=5000, show_default=True, help="Number of seeds.")
 @click.option("--out", "out", type=PATH, help="Folder of the result; faults_KIND.result when not given.")
@@ -62,6 +71,7 @@ def campaign(
     kind: str,
     series: int,
     scan: float | None,
+    drive: DriveKind | None,
     first: int,
     count: int,
     out: Path | None,
@@ -88,7 +98,7 @@ def campaign(
     pool = pool_of(1 if alone else None, None if alone or cluster else processes, cluster)
     with ended_in_order() as stopped:
         end = run_fault_campaign(
-            _campaign(kind, series, scan),
+            _campaign(kind, series, scan, drive),
             folder,
             Chunk(first, count),
             pool,

@@ -13,6 +13,7 @@ from gantryctl.engineering.campaign.job import INDEX, REFUSED
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
 from gantryctl.engineering.fault_campaign.matrix import cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.engineering.fault_campaign.scenario import Scenario
 from gantryctl.engineering.scheduler.identity import identity
 from gantryctl.engineering.scheduler.job import Rows
 
@@ -54,14 +55,26 @@ class FaultJob:
         return found
 
     def _row(self, number: int) -> Row:
-        if self.campaign.kind == "matrix":
-            return row(**run_cell(cell(number)))
-        return _played(self.campaign, number)
+        campaign = self.campaign
+        if campaign.kind == "matrix":
+            at = cell(number)
+            left_out = campaign.left_out(at.drive, at.scan_ms)
+            return (
+                _left_out(at.drive, at.scan_ms, at.case.number, left_out) if left_out else row(**run_cell(at))
+            )
+        scenario = campaign.scenario(number)
+        left_out = campaign.left_out(scenario.drive, scenario.scan_ms)
+        if left_out:
+            return _left_out(scenario.drive, scenario.scan_ms, scenario.label, left_out)
+        return _played(scenario)
 
 
-def _played(campaign: FaultCampaign, number: int) -> Row:
-    played = play(campaign.scenario(number))
-    scenario = played.scenario
+def _left_out(drive: str, scan_ms: float, faults: str, why: str) -> Row:
+    return row(refused=why, violations=[], drive=drive, scan_ms=scan_ms, faults=faults)
+
+
+def _played(scenario: Scenario) -> Row:
+    played = play(scenario)
     return row(
         refused=played.refused,
         trace_sha256=played.trace_sha256,

@@ -13,8 +13,10 @@ from gantryctl.engineering.fault_campaign.draw import (
     random_scenario,
     wide_scenario,
 )
+from gantryctl.engineering.fault_campaign.matrix import SCANS_MS
 from gantryctl.engineering.fault_campaign.scenario import Scenario
 from gantryctl.engineering.faults.injection import finite
+from gantryctl.engineering.faults.run import DriveKind
 from gantryctl.errors import UsageError
 
 Kind = Literal["random", "pairs", "wide", "matrix"]
@@ -29,38 +31,58 @@ class FaultCampaign:
     """Which runs there are; the number of a run is its seed.
 
     Attributes:
-        series: other scenarios of the same kind. scan_ms: of all runs; None: drawn, or of the cell.
+        series: other scenarios of the same kind. scan_ms: of all runs; None: drawn, or of the cell. drive: of all runs;
+            None: both. Cells of the matrix with another scan period, and runs on the other drive, are left out.
     """
 
     kind: Kind
     series: int = 1
     scan_ms: float | None = None
+    drive: DriveKind | None = None
 
     @property
     def name(self) -> str:
         """For people."""
         scan = "" if self.scan_ms is None else f", scan {self.scan_ms:g} ms"
-        return f"{self.kind}, series {self.series}{scan}"
+        drive = "" if self.drive is None else f", {self.drive} alone"
+        return f"{self.kind}, series {self.series}{scan}{drive}"
 
     @property
     def hash(self) -> str:
         """Of what decides a scenario; the code that plays it stands beside each row."""
-        given = [_DRAWING[self.kind], self.kind, self.series, self.scan_ms, DURATION_S]
+        given: list[object] = [_DRAWING[self.kind], self.kind, self.series, self.scan_ms, DURATION_S]
+        if self.drive is not None:
+            given.append(self.drive)
         return hashlib.sha256(json.dumps(given).encode()).hexdigest()
+
+    def left_out(self, drive: DriveKind, scan_ms: float) -> str:
+        """Why a run is not wanted; "" if it is."""
+        if self.drive not in (None, drive):
+            return f"left out: {self.drive} alone is played"
+        if self.scan_ms not in (None, scan_ms):
+            return f"left out: {self.scan_ms:g} ms alone is played"
+        return ""
 
     def scenario(self, seed: int) -> Scenario:
         """The scenario of a seed; not for the matrix, whose cells are runs of a row."""
         return _DRAWS[self.kind](self.series, seed, self.scan_ms)
 
 
-def campaign_of(kind: str, series: int = 1, scan_ms: float | None = None) -> FaultCampaign:
+def campaign_of(
+    kind: str, series: int = 1, scan_ms: float | None = None, drive: DriveKind | None = None
+) -> FaultCampaign:
     """A campaign from words of a person.
 
     Raises:
-        UsageError: no such kind, or a scan period that no machine has.
+        UsageError: no such kind, a scan period that no machine has, or one that no cell of the matrix has.
     """
     for known in KINDS:
         if known == kind:
             scan = None if scan_ms is None else finite(scan_ms, "scan period in ms", 0.5, 20.0)
-            return FaultCampaign(known, series, scan)
+            if kind == "matrix" and scan not in (None, *SCANS_MS):
+                raise UsageError(
+                    f"scan period of the matrix must be one of {', '.join(f'{each:g}' for each in SCANS_MS)} ms, "
+                    f"got {scan:g}"
+                )
+            return FaultCampaign(known, series, scan, drive)
     raise UsageError(f"kind of a campaign must be one of {', '.join(KINDS)}, got '{kind}'")

@@ -74,6 +74,7 @@ class FaultResult:
             "kind": self.campaign.kind,
             "series": self.campaign.series,
             "scan_ms": self.campaign.scan_ms,
+            "drive": self.campaign.drive,
         }
         write_whole(self.folder / HEAD_FILE, json.dumps(data, indent=2) + "\n", make_folder=True)
 

@@ -125,8 +125,9 @@ class _Tally:
         self._first = chunk.first if self._first is None else min(self._first, chunk.first)
         self._last = max(self._last, chunk.last)
         self.runs += chunk.size
-        self.refused += sum(bool(why) for why in rows[REFUSED])
-        self.over_bus += int((rows["drive"] == "bus").sum())
+        ran = rows[REFUSED] == ""
+        self.refused += int((~ran).sum())
+        self.over_bus += int((ran & (rows["drive"] == "bus")).sum())
         self.nuisances += int(rows["nuisances"].sum())
         self.axis_s += float(rows["axis_s"].sum())
         for number, (faults, what) in enumerate(
