@@ -20,6 +20,7 @@ KINDS = {"random": random_scenario, "pairs": pair_scenario}
 FOUND = {
     "an encoder alarm that only warns": 137,
     "a limit switch that only warns": 70,
+    "a room door that only warns": 161,
     "a lease that never runs out": 22,
     "torque taken off before the brake has closed": 2,
     "an angle that is called valid whatever the reading says": 22,

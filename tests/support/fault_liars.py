@@ -85,6 +85,7 @@ def _switches_off(scenario: Scenario) -> bool:
 LIARS: Final[dict[str, Liar]] = {
     "an encoder alarm that only warns": Liar(_encoder_alarm_warns, _has("A6")),
     "a limit switch that only warns": Liar(_reacts(Reaction.W, Code.LIM_03, Code.LIM_04), _has("G3", "G4")),
+    "a room door that only warns": Liar(_reacts(Reaction.W, Code.INT_07), _has("G11")),
     "a lease that never runs out": Liar(
         _no_lease, lambda scenario: any(each.lease_s is not None for each in scenario.actions)
     ),

@@ -276,7 +276,7 @@ class PowerSettings:
         test_torque_nm: what the closed brake must bear both ways in a brake test.
         brake_torque_nm: of the closed brake.
         brake_stops_max: stops of a turning axis by the brake, from which on service is due.
-        brake_by_drive: the drive may work the brake by itself; it does where the brake is open once it is enabled.
+        brake_by_drive: the drive works the brake by itself, and opens it as it is enabled.
         untestable: why the brake cannot be tested by the controller, or nothing.
         unload_step_s: torque goes off in three steps of this length, each with a check of the brake.
     """

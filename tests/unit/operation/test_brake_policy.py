@@ -71,7 +71,7 @@ def test_a_real_machine_that_was_never_tested_is_overdue() -> None:
 
 
 def test_a_brake_that_cannot_be_tested_is_never_due() -> None:
-    due = brake_due(REAL, Words.BRAKE_OPENED_BY_DRIVE, NEW, 1000, NOW)
+    due = brake_due(REAL, Words.NO_TORQUE_INPUT, NEW, 1000, NOW)
     assert due == BrakeDue("", None, overdue=False) or (due.power_ups_left is None and not due.overdue)
     assert due.words == "not testable here"
 

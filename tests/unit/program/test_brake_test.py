@@ -164,18 +164,6 @@ def test_a_brake_contact_that_opens_fails_it():
     assert "contact" in rig.result.text
 
 
-def test_a_drive_that_opens_its_own_brake_cannot_be_tested():
-    own = settings(test_torque_nm=LEVEL_NM, holding_torque_nm=HOLDING_NM, brake_by_drive=True)
-    rig = TestRig(config=own)
-    rig.begin()
-    rig.spoil = lambda drive: drive._replace(brake_open=drive.state.name == "OPERATION_ENABLED")
-    rig.finish()
-    assert rig.result.outcome is ABORTED
-    assert "not testable here" in rig.result.text
-    assert max(map(abs, rig.torques)) == 0.0
-    assert rig.is_off()
-
-
 @pytest.mark.parametrize("phase", RUNNING)
 def test_stop_ends_it_in_every_phase_with_torque_off_and_no_verdict(phase):
     rig = TestRig()

@@ -172,23 +172,6 @@ def test_a_drive_that_keeps_its_torque_is_not_off(state):
 # --- the brake test ---------------------------------------------------------------------------------------------------
 
 
-def test_a_test_whose_brake_the_drive_has_opened_ends_only_when_the_drive_is_off():
-    """Until then its torque is on: the result comes with the drive disabled, or as DRV-03 after 350 ms."""
-    rig = Rig(config=settings(test_torque_nm=65.0, brake_by_drive=True, **HOLDS))
-    rig.run(0.05)
-    rig.op(brake_test=True)
-    rig.op(brake_test=False)
-    rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED, brake_open=True)
-    rig.run(0.2)
-    assert rig.axis.brake_test.under_way
-    assert rig.axis.power.phase is P.DISABLING
-    assert rig.output.request is DriveRequest.DISABLE
-    rig.spoil = None
-    rig.run(0.01)
-    assert not rig.axis.brake_test.under_way
-    assert rig.axis.is_off
-
-
 def test_a_brake_test_may_ask_for_more_than_the_rated_torque_for_its_seconds():
     """A brake that takes all back: 30 N m of load, and twice 120; the motor has 385 for a short time, 257 for good."""
     rig = TestRig(config=settings(test_torque_nm=120.0, holding_torque_nm=30.0))

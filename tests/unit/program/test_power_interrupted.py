@@ -149,10 +149,26 @@ def test_no_torque_is_asked_for_any_more_in_the_scan_that_switches_it_off():
     assert rig.output.torque_ff_nm == 0.0
 
 
-def test_a_drive_that_may_work_its_brake_and_leaves_it_shut_proves_its_torque():
-    rig = Rig(config=settings(brake_by_drive=True))
-    rig.power_up()
-    assert rig.axis.power.proof is Proof.PROVEN
+def test_a_contact_that_says_closed_brings_no_torque_against_a_brake_that_the_drive_has_opened():
+    """C6 at power-up: the brake may be open. Told after 0.4 s, and the brake closes before the torque goes off."""
+    rig = Rig(config=settings(brake_by_drive=True, **HOLDS))
+    rig.spoil = lambda drive: drive._replace(brake_open=False)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.RELEASING)
+    start, seen = rig.scan, []
+    while not rig.axis.is_off:
+        rig.step()
+        assert rig.output.torque_ff_nm == 0.0
+        if rig.output.request is not DriveRequest.DISABLE:
+            seen.append((rig.output.request, rig.output.brake_open))
+        if rig.codes == []:
+            told = rig.scan
+    assert rig.codes == ["BRK-01"]
+    assert rig.axis.power.proof is Proof.NOT_POSSIBLE
+    assert (told + 1 - start) * rig.period_s == approx(0.4, abs=2.0 * rig.period_s)
+    # The drive's own quick stop at rest: its torque holds until it has closed the brake.
+    assert (DriveRequest.QUICK_STOP, True) in seen
+    assert seen[-1] == (DriveRequest.QUICK_STOP, False)
 
 
 def test_a_contact_that_says_open_before_the_brake_was_opened_ends_the_way_up():

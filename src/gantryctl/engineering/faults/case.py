@@ -42,7 +42,7 @@ class ReactionClass(Enum):
     FEEDBACK = "torque off and brake, feedback in doubt"
     STANDSTILL = "caught at standstill"
     BRAKE_SLIP = "brake slips, held by torque"
-    HALT = "stop on the normal ramp"
+    HALT = "stop on the jog-release ramp"
     WARNING = "warning, the motion goes on"
     REFUSED = "refused"
     NONE = "none"
@@ -56,6 +56,7 @@ class SeenBy(Enum):
     BRAKE_CONTACT = "contact of the brake"
     WINDING = "temperature of the winding"
     RAMP = "speed above the ramp of the quick stop"
+    DRAG = "torque of a motion against that of earlier ones"
 
 
 class Instead(NamedTuple):

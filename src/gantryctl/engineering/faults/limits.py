@@ -48,6 +48,9 @@ _SPECIFIED: Final = {
 _HOLD_S: Final = 0.5
 # How long a winding is too hot before it is believed (`program.monitors.thermal`).
 _HOT_S: Final = 0.1
+# How long friction grows until it is a drag, and that must last (B3, `program.monitors.drag`): 0.2 s for the row, half
+# a second for the mean, 1 s.
+_DRAGS_S: Final = 1.7
 # How long the ramp of a quick stop must be left (`program.power.ramp_watch`).
 _LEFT_RAMP_S: Final = 0.050
 
@@ -108,13 +111,23 @@ def computed_deg(
             return brake_slip_deg(machine)
         case ReactionClass.REFUSED:
             return _REFUSED_SHARE * machine.required.angle_deg
-        case ReactionClass.HALT | ReactionClass.WARNING | ReactionClass.NONE:
+        case ReactionClass.HALT:
+            return (speed * seen_s + _jog_release_deg(machine, speed)) * _MARGIN
+        case ReactionClass.WARNING | ReactionClass.NONE:
             return math.inf
 
 
 def standstill_deg(machine: Machine) -> float:
     """Way of an axis that stands when its drive runs away: 0.20 deg on the reference gantry."""
     return _driven_deg(machine, 0.0, driven_acc_deg_s2(machine), _spoilt_s(machine))
+
+
+def _jog_release_deg(machine: Machine, speed: float) -> float:
+    """Way of the jerk-limited ramp: half of the speed for its time. One of no speed that reaches its deceleration is two
+    jerks long."""
+    dec, jerk = machine.virtual_axis.jog_release_dec_deg_s2, machine.virtual_axis.jog_release_jerk_deg_s3
+    ramp_s = speed / dec + dec / jerk if speed >= dec**2 / jerk else 2.0 * math.sqrt(speed / jerk)
+    return 0.5 * speed * ramp_s
 
 
 def held_up_deg(machine: Machine, speed_deg_s: float, held_s: float) -> float:
@@ -166,6 +179,8 @@ def _seen_s(machine: Machine, seen_by: SeenBy) -> float:
             return monitors.brake_feedback_time_ms * _MS + REACTION_S
         case SeenBy.WINDING:
             return REACTION_S + _HOT_S
+        case SeenBy.DRAG:
+            return REACTION_S + _DRAGS_S
         case SeenBy.RAMP:
             above_s = monitors.velocity_deviation_deg_s / machine.virtual_axis.quick_dec_deg_s2
             return REACTION_S + above_s + _LEFT_RAMP_S + scans_s

@@ -17,13 +17,15 @@ _SECURE_ZH: Final = "人员远离。固定负载并联系维修。"
 POWER: Final = (
     # Fault catalogue C1: full torque against a closed brake would wear it and heat the motor.
     Definition(
-        Code.BRK_01, _STOP, _TO,
+        Code.BRK_01, _STOP, _QS,
         Text("Brake does not release",
-             "Brake still closed {time_ms:.0f} ms after the release command, limit {limit:.0f} ms",
-             "Brake supply, coil or feedback contact.",
+             "Brake feedback still says closed {time_ms:.0f} ms after the release command, limit {limit:.0f} ms",
+             "Brake supply, coil or feedback contact. Where the contact is wrong the brake was open, so the torque "
+             "stays until it has closed.",
              "Check the brake's supply and contact, then reset."),
-        Text("制动器未松开", "松开指令后 {time_ms} ms 制动器仍抱紧，限值 {limit} ms",
-             "制动器供电、线圈或反馈触点。", "检查制动器的供电和触点，然后复位。"),
+        Text("制动器未松开", "松开指令后 {time_ms} ms 制动器反馈仍为抱紧，限值 {limit} ms",
+             "制动器供电、线圈或反馈触点。若触点有误，则制动器已松开，因此转矩保持到制动器抱紧为止。",
+             "检查制动器的供电和触点，然后复位。"),
     ),
     # Fault catalogue C2: stopped on the jog-release ramp before the drive's overload ends the motion.
     Definition(

@@ -338,10 +338,6 @@ class Words(Enum):
     )
     BRAKE_CONTACT_OPEN = "the brake's contact says that it is open", "制动器触点显示松开"
     TORQUE_NOT_FINITE = "the torque reading is not finite", "转矩读数不是数值"
-    BRAKE_OPENED_BY_DRIVE = (
-        "the drive opened its brake when it was enabled: not testable here",
-        "驱动器使能时松开了制动器：不能在此测试",
-    )
     STOPPED = "stopped", "已停止"
     POWER_SWITCHED_OFF = "power was switched off", "已断电"
     ENDED_BY = "ended by {code}", "由 {code} 结束"

@@ -128,7 +128,8 @@ class PowerSequence:
         self.request = DriveRequest.DISABLE
         self.brake_open = False
         self.torque_ff_nm = 0.0
-        self._parking = self._unloaded = self._drive_owns_brake = self._turns_back = False
+        self._drive_owns_brake = power.brake_by_drive
+        self._parking = self._unloaded = self._turns_back = False
         # A stop began behind a brake that had not been opened yet: nothing has to come to rest.
         self._stood = False
         self._count = 0
@@ -223,9 +224,10 @@ class PowerSequence:
 
     @property
     def _opens_by_drive(self) -> bool:
-        """A drive that may own its brake is opening it, or has done so without a command yet."""
-        begun = self.phase is PowerPhase.SAG_WATCH and self._drive_owns_brake and self._count == 0
-        return begun or (self.phase is PowerPhase.ENABLING and self._feedback.state is DriveState.SWITCHED_ON)
+        """A drive that owns its brake is opening it, or has done so without a command yet."""
+        opening = self.phase is PowerPhase.ENABLING and self._feedback.state is DriveState.SWITCHED_ON
+        begun = self.phase in _BRAKE_OPENING and self._count == 0
+        return self._drive_owns_brake and (opening or begun)
 
     @property
     def parked(self) -> bool:
@@ -266,7 +268,7 @@ class PowerSequence:
             self._slip.go_on(unwinds=unwinds)
         else:
             self._slip.begin(self._pos_rad, unwinds=unwinds)
-            self._turns_back = False
+        self._turns_back = self._turns_back and phase in _BRAKE_OPENING
         self._unloaded = disabled and self._unloaded
         closed = self._feedback.brake_known and not (self._feedback.brake_open or self.brake_open)
         self._stood = self.phase in RISING and closed
@@ -297,25 +299,22 @@ class PowerSequence:
             if self._count > self._power_up_scans:
                 self._stuck(_OPERATION_ENABLED)
             return
-        # Only the controller opens such a brake, so a contact that says open is late, or lies. Taken for a drive that
-        # opens its brake by itself, the torque would go off before the brake closes at every way down.
-        by_drive = self._settings.brake_by_drive
-        if feedback.brake_open and not by_drive:
+        # A drive that owns its brake has opened it, or is about to, whatever the contact says: its own sequence is
+        # accepted, and the sag is watched. A torque proof would act on an open brake.
+        if self._drive_owns_brake:
+            self.proof = Proof.NOT_POSSIBLE
+            self._enter(PowerPhase.SAG_WATCH if feedback.brake_open else PowerPhase.RELEASING)
+            return
+        # Only the controller opens this brake, so a contact that says open is late, or lies.
+        if feedback.brake_open:
             if self._count > self._close_late_scans:
                 self._brake_still_open(Reaction.QUICK_STOP)
             return
         # The torque of the last standstill: the drive adds it to its own loop, so nothing steps at release.
         holding.preload()
-        self._drive_owns_brake = feedback.brake_open and by_drive
-        if self._turns_back and not self._drive_owns_brake:
-            self._enter(PowerPhase.DISABLING)
-            return
         if self.brake_test.under_way:
-            self._test_enabled()
-        # A drive that opened the brake owns it: its own sequence is accepted, and the sag is watched.
-        elif self._drive_owns_brake:
-            self.proof = Proof.NOT_POSSIBLE
-            self._enter(PowerPhase.SAG_WATCH)
+            self.brake_test.begin()
+            self._enter(PowerPhase.TESTING)
         elif not self._settings.torque_preload:
             self.proof = Proof.NOT_POSSIBLE
             self._enter(PowerPhase.RELEASING)
@@ -337,6 +336,9 @@ class PowerSequence:
             self._enter(PowerPhase.RELEASING)
 
     def _releasing(self, pos_rad: float) -> None:
+        if self._turns_back:
+            self._enter(PowerPhase.CLOSING)
+            return
         if self._slip.slipped(pos_rad, Code.BRK_10):
             return
         limit = self._open_late_scans
@@ -446,7 +448,7 @@ class PowerSequence:
         """
         close_s = self._settings.brake_close_time_s
         # A drive that owns its brake closes it at the end of its ramp.
-        begins_s = self._ramp.ends_s - (0.0 if self._settings.brake_by_drive else close_s)
+        begins_s = self._ramp.ends_s - (0.0 if self._drive_owns_brake else close_s)
         if elapsed_s >= begins_s:
             self.brake_open = False
         first = self._alarms.first_out
@@ -485,16 +487,6 @@ class PowerSequence:
         self._hold_watch.scan(self._slip.moved(pos_rad))
 
     # --- the brake test ---------------------------------------------------------------------------
-
-    def _test_enabled(self) -> None:
-        """Begin to give torque, unless the drive has opened the brake."""
-        if self._feedback.brake_open:
-            why = Words.BRAKE_OPENED_BY_DRIVE
-            self.brake_test.end(BrakeTestOutcome.ABORTED, why)
-            self._enter(PowerPhase.DISABLING)
-        else:
-            self.brake_test.begin()
-            self._enter(PowerPhase.TESTING)
 
     def _testing(self, pos_rad: float) -> None:
         test, feedback = self.brake_test, self._feedback

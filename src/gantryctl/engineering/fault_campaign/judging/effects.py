@@ -43,6 +43,9 @@ _DOUBT_OF: Final = frozenset(
 _SEEN_AT_ONCE: Final = frozenset(
     {(Place.DRIVE, "trip"), (Place.DRIVE, "leaves_enabled"), (Place.INPUT, "off")}
 )
+# They stop the axis on a ramp of the program, which is no stop by an alarm: one that comes later has a way of its own
+# (G11, seed 41800). The way of the ramp is the judge's.
+_ON_THE_RAMP: Final = frozenset({"enabling_switch", "door_ok"})
 # Bits of the reading: an alarm, and checksum errors that stay, are doubt; a warning and a single error are not.
 _FLAG_ALARM: Final = 2
 _FLAG_ERROR: Final = 1
@@ -54,7 +57,7 @@ def effect_of(each: Injection) -> Effect:
     if key in _DOUBT_OF:
         return _DOUBT
     if key in _SEEN_AT_ONCE:
-        return _NOTHING if values.get("name") == "enabling_switch" else _AT_ONCE
+        return _NOTHING if values.get("name") in _ON_THE_RAMP else _AT_ONCE
     match key:
         case (Place.ENCODER, "flags"):
             lasting = values["bits"] & _FLAG_ERROR and each.for_s is None

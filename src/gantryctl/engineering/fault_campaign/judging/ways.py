@@ -33,6 +33,7 @@ from gantryctl.machine import Machine
 _CLASSES: Final = frozenset(
     {
         ReactionClass.QUICK_STOP, ReactionClass.DRIVE_DEADLINE, ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK,
+        ReactionClass.HALT,
     }
 )  # fmt: skip
 # deg/s: ways of slower motions are within what standstill permits.

@@ -34,6 +34,7 @@ ROWS: Final = (
         codes=(Code.BRK_02,),
         reads="the brake drags: stop on the ramp",
         injections=(injection("plant", "motor_friction", beyond_load_share=0.52, over_s=0.2),),
+        seen_by=SeenBy.DRAG,
     ),
     FaultCase(
         number="B5",

@@ -16,7 +16,7 @@ BRAKE: Final = (
         "C1",
         "Brake does not release",
         "contact or drive says closed 300 ms after the release command",
-        "torque off, brake closed",
+        "torque holds at rest until the brake has closed, then torque off",
         (Code.BRK_01,),
         at(_UP, "test_brake_that_does_not_release"),
     ),
