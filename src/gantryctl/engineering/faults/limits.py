@@ -123,8 +123,7 @@ def standstill_deg(machine: Machine) -> float:
 
 
 def _jog_release_deg(machine: Machine, speed: float) -> float:
-    """Way of the jerk-limited ramp: half of the speed for its time. One of no speed that reaches its deceleration is two
-    jerks long."""
+    """Way of the jerk-limited ramp: half of the speed for its time. A low speed never reaches its deceleration."""
     dec, jerk = machine.virtual_axis.jog_release_dec_deg_s2, machine.virtual_axis.jog_release_jerk_deg_s3
     ramp_s = speed / dec + dec / jerk if speed >= dec**2 / jerk else 2.0 * math.sqrt(speed / jerk)
     return 0.5 * speed * ramp_s
