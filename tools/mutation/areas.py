@@ -15,6 +15,7 @@ AREAS: Final[dict[str, tuple[str, ...]]] = {
     "drives/canopen": ("drives/canopen/**/*.py",),
     "commissioning": ("commissioning/**/*.py",),
     "service/command": ("service/command/**/*.py",),
+    "service/controller": ("service/controller/*.py",),
     "recorder": ("service/recorder/**/*.py",),
     "gateway": ("gateway/*.py", "gateway/opcua/*.py"),
     "accuracy": (
@@ -69,6 +70,7 @@ SEVERE: Final = (
     "drives/canopen/nodes/outputs",
     "drives/canopen/setup/parameter_check",
     "service/command/",
+    "service/controller/",
     "gateway/access",
     "gateway/door",
     "gateway/guard",

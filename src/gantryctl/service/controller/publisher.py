@@ -123,7 +123,7 @@ class Publisher:
             publish_json(self._memory.slow, self.slow())
 
     def fast(self) -> dict[str, float]:
-        """The 20 Hz tags as numbers; nan for unknown ones."""
+        """The 20 Hz tags as numbers; not finite where they are unknown."""
         return {**self._moving(), **self._switched(), **self._counted(), **self._brake.fast()}
 
     def _moving(self) -> dict[str, float]:
@@ -136,7 +136,6 @@ class Publisher:
         monitors, limits = axis.settings.monitors, self._machine.axis
         # A motion without an end has no target, and none in time.
         end_rad = virtual.plan.pos_end if virtual.plan.vel_end == 0.0 else math.nan
-        left_s = axis.plan_end_s - engine.time_s
         ref, low, high = deg(travel.shown_rad(virtual.pos_ref_rad)), limits.pos_min_deg, limits.pos_max_deg
         if travel.no_go_rad:
             stretch, ref_rad = travel.stretch(virtual.pos_ref_rad), virtual.pos_ref_rad
@@ -156,9 +155,7 @@ class Publisher:
             "torque_expected_nm": self._expected_nm(),
             "overload": feedback.overload,
             "target_deg": deg(travel.shown_rad(end_rad)) if virtual.following else pos,
-            "time_left_s": max(0.0, left_s if math.isfinite(left_s) else math.nan)
-            if virtual.following
-            else 0.0,
+            "time_left_s": max(0.0, axis.plan_end_s - engine.time_s) if virtual.following else 0.0,
             "stopping_angle_deg": deg(axis.stopping_angle_rad()),
             "key_lost_angle_deg": deg(self._program.key_lost_angle_rad()),
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
