@@ -238,19 +238,22 @@ def test_a_note_can_be_written_while_a_step_runs(room: Room) -> None:
     assert room.ask(ANNA, "note", line="the brake smells") == ""
 
 
-@pytest.mark.parametrize(
-    "name", ["limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready"]
-)
+INPUTS = ("limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready")
+SITE = ("collision_ok", "door_ok", "motion_permit", "estop_ok_2")
+
+
+@pytest.mark.parametrize("name", [*INPUTS, *SITE])
 @pytest.mark.parametrize("brake_open", [True, False])
 def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> None:
     """One input that is off, and no other one."""
     drive = DriveFeedback(
         DriveState.SWITCHED_ON, 0, 0.0, -12.5, brake_open, False, 0.0, EncoderFlag.NONE,
-        inputs=DigitalInputs()._replace(**{name: False}),
+        inputs=DigitalInputs()._replace(**dict.fromkeys(SITE, True) | {name: False}),
     )  # fmt: skip
     tags = fast_tags(MACHINE, Seen(-90.25, 0.5, drive), moves=True)
-    inputs = ("limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready")
-    assert {each for each in inputs if not tags[each]} == {name}
+    assert {each for each in (*INPUTS, *SITE) if not tags[each]} == {name}
+    bare = drive._replace(inputs=DigitalInputs())
+    assert all(math.isnan(fast_tags(MACHINE, Seen(0.0, 0.0, bare), moves=True)[each]) for each in SITE)
     assert (tags["pos_act_deg"], tags["vel_act_deg_s"], tags["torque_act_nm"]) == (-90.25, 0.5, -12.5)
     assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
     assert tags["brake_open_cmd"] == brake_open

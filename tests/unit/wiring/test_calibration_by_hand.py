@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Calibration, Machine, Unknown, default_machine, with_values
 from gantryctl.program.settings import CalibrationWatchSettings
+from gantryctl.wiring import compensation as wiring
 from gantryctl.wiring.calibration_watch import calibration_watch, what_is_not_watched
 from gantryctl.wiring.compensation import (
     _identified,
@@ -18,7 +20,9 @@ from gantryctl.wiring.compensation import (
     compensation,
     compensation_settings,
     flank_torque_nm,
+    lead_deg,
 )
+from gantryctl.wiring.simulator import delivered_zero_counts
 from support.improved import improved_machine
 
 approx = pytest.approx
@@ -250,3 +254,43 @@ def test_the_step_between_models_of_the_backlash_is_never_nothing(limit_deg: flo
     """Eight models: seven steps."""
     machine = with_values(improved_machine(), {"control.compensation.backlash_observer.limit_deg": limit_deg})
     assert _numbers(machine)["backlash_step_rad"] == approx(step_rad)
+
+
+def test_the_lead_is_an_angle_at_an_angle_in_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """2 mrad at 30 deg are 0.1146 deg at 0.5236 rad; the zero of a new machine lies so much further back."""
+    seen: list[float] = []
+    laws: Any = SimpleNamespace(lead=lambda at: (seen.append(at), 0.002)[1])
+    monkeypatch.setattr(wiring, "compensation", lambda _: laws)
+    machine = improved_machine()
+    assert lead_deg(machine, 30.0) == approx(0.1145916)
+    assert seen == [approx(0.5235988)]
+    led = delivered_zero_counts(machine, 30.0)
+    laws.lead = lambda _: 0.0
+    per_rad = machine.counts_per_turn * machine.axis.ratio / math.tau
+    assert delivered_zero_counts(machine, 30.0) - led == approx(0.002 * per_rad, abs=1.0)  # a count
+
+
+def test_a_law_that_needs_a_calibration_is_refused_without_one() -> None:
+    with pytest.raises(ConfigError, match="run `gantryctl identify` first"):
+        compensation(improved_machine().calibrated(None))
+
+
+def test_a_calibration_is_watched_unless_the_file_says_otherwise_or_an_interval_is_nothing() -> None:
+    machine = improved_machine()
+    found = compensation_settings(machine)
+    assert found is not None
+    assert found.watch is not None
+    assert calibration_watch(with_values(machine, {WATCH + "active": False}), calibration()) is None
+    bare = calibration()
+    bare = bare.model_copy(update={"half_width": {**bare.half_width, "moment_sine_nm": 0.0}})
+    assert calibration_watch(machine, bare) is None
+    told = what_is_not_watched(machine.calibrated(bare))
+    assert len(told) == 1
+    assert "moment_sine_nm: its 95 % interval is 0" in told[0]
+
+
+def test_a_load_that_leans_on_a_flank_is_led_by_it() -> None:
+    leaning = calibration()
+    maps = leaning.maps.model_copy(update={"lean_rad_per_nm": 3e-9})
+    found = _identified(improved_machine(), leaning.model_copy(update={"maps": maps}))
+    assert found["lean_rad_per_nm"] == 3e-9

@@ -13,7 +13,7 @@ from gantryctl.program import AxisState, BrakeTestPhase, PowerPhase
 from gantryctl.program.alarms.log import messages_to_wire
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.command.arming import Armed
-from gantryctl.service.controller.publisher import control_tags, machine_tags
+from gantryctl.service.controller.publisher import control_tags, fitted, machine_tags
 from gantryctl.service.memory.snapshot import FAST
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.tags import BY_NAME
@@ -55,6 +55,10 @@ def fast_tags(machine: Machine, seen: Seen | None, *, moves: bool) -> dict[str, 
         "limit_minus_ok": inputs.limit_minus_ok,
         "limit_plus_ok": inputs.limit_plus_ok,
         "mains_ready": inputs.mains_ready,
+        "collision_ok": fitted(inputs.collision_ok),
+        "door_ok": fitted(inputs.door_ok),
+        "motion_permit": fitted(inputs.motion_permit),
+        "estop_ok_2": fitted(inputs.estop_ok_2),
     }
 
 

@@ -187,10 +187,10 @@ class Publisher:
             "limit_minus_ok": feedback.inputs.limit_minus_ok,
             "limit_plus_ok": feedback.inputs.limit_plus_ok,
             "mains_ready": feedback.inputs.mains_ready,
-            "collision_ok": _fitted(feedback.inputs.collision_ok),
-            "door_ok": _fitted(feedback.inputs.door_ok),
-            "motion_permit": _fitted(feedback.inputs.motion_permit),
-            "estop_ok_2": _fitted(feedback.inputs.estop_ok_2),
+            "collision_ok": fitted(feedback.inputs.collision_ok),
+            "door_ok": fitted(feedback.inputs.door_ok),
+            "motion_permit": fitted(feedback.inputs.motion_permit),
+            "estop_ok_2": fitted(feedback.inputs.estop_ok_2),
         }
 
     def _armed(self) -> Armed | None:
@@ -335,6 +335,6 @@ def control_tags(holder: Identity | None, armed: Armed | None, *, second_person:
     }
 
 
-def _fitted(value: bool | None) -> float:
+def fitted(value: bool | None) -> float:
     """An input as a number; nan, which is null on the wire, where the machine does not have it."""
     return math.nan if value is None else value

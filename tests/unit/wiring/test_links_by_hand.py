@@ -1,0 +1,228 @@
+"""The bus of a machine file: which one is opened and locked for whom, and left when something fails; by hand."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveState
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.wiring import canopen, simulator, virtual, virtual_nodes
+from gantryctl.wiring.canopen import can_link, canopen_drive, read_only_drive, reset_drive_fault
+from gantryctl.wiring.virtual import drive_hardware, drive_kind
+
+REAL = {"can.interface": "socketcan", "can.channel": "can7", "can.node": 5, "can.master_node": 9}
+
+
+@pytest.fixture(scope="module")
+def can() -> Machine:
+    return load_machine(configs_folder() / "hust_can.toml")
+
+
+class Bench:
+    """Every part of a link that would need hardware, with what was asked of it."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.locks: list[str] = []
+        self.buses: list[tuple[object, ...]] = []
+        self.links: list[dict[str, Any]] = []
+        self.counted: list[str] = []
+        self.released = self.closed = 0
+        self.fails: BaseException | None = None
+        patch.setattr(canopen, "DriveLock", self._lock)
+        patch.setattr(canopen, "open_bus", self._bus)
+        patch.setattr(canopen, "BusLink", self._link)
+        patch.setattr(canopen, "InterfaceCounters", self._counters)
+        patch.setattr(canopen, "link_log", lambda channel, *, virtual: ("log", channel, virtual))
+
+    def _lock(self, where: str) -> SimpleNamespace:
+        self.locks.append(where)
+
+        def release() -> None:
+            self.released += 1
+
+        return SimpleNamespace(release=release)
+
+    def _bus(self, *given: object) -> str:
+        if self.fails is not None:
+            raise self.fails
+        self.buses.append(given)
+        return "bus"
+
+    def _link(self, bus: str, **given: Any) -> SimpleNamespace:
+        self.links.append(given)
+
+        def close() -> None:
+            self.closed += 1
+            given["when_closed"]()
+
+        return SimpleNamespace(bus=bus, close=close)
+
+    def _counters(self, channel: str) -> str:
+        self.counted.append(channel)
+        return f"counters of {channel}"
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    return Bench(monkeypatch)
+
+
+def test_the_bus_of_the_file_is_opened_locked_for_its_node_until_the_link_is_closed(
+    can: Machine, bench: Bench
+) -> None:
+    link: Any = can_link(with_values(can, {**REAL, "can.bitrate": 500_000}))
+    assert bench.locks == ["socketcan can7, node 5"]
+    assert bench.buses == [("socketcan", "can7", 500_000)]
+    (given,) = bench.links
+    assert given["log"] == ("log", "can7", False)
+    assert given["counters"] == "counters of can7"
+    assert bench.released == 0
+    link.close()
+    assert bench.released == 1
+
+
+def test_only_an_interface_of_the_kernel_has_counters(can: Machine, bench: Bench) -> None:
+    can_link(with_values(can, {"can.interface": "pcan", "can.channel": "PCAN_USBBUS1"}))
+    assert bench.links[-1]["counters"] is None
+    assert bench.counted == []
+
+
+@pytest.mark.parametrize("fails", [DeviceError("no can7"), KeyboardInterrupt()])
+def test_a_bus_that_does_not_open_is_not_locked(can: Machine, bench: Bench, fails: BaseException) -> None:
+    bench.fails = fails
+    with pytest.raises(type(fails)):
+        can_link(with_values(can, REAL))
+    assert bench.released == 1
+
+
+def test_a_plant_that_is_not_there_leaves_the_bus(
+    can: Machine, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nobody(_: Machine) -> None:
+        raise DeviceError("nobody listens")
+
+    monkeypatch.setattr(virtual, "remote_plant", nobody)
+    with pytest.raises(DeviceError, match="nobody listens"):
+        canopen_drive(
+            with_values(can, {**REAL, "can.side_channel": "/nothing", "can.commissioning_required": False})
+        )
+    assert (bench.closed, bench.released) == (1, 1)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_reset_goes_to_the_drive_and_leaves_the_bus(
+    can: Machine, bench: Bench, monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    asked: list[tuple[int, int]] = []
+
+    def node(_: object, node_id: int, master: int, __: float) -> str:
+        asked.append((node_id, master))
+        return "the drive"
+
+    def reset(found: str) -> DriveState:
+        assert found == "the drive"
+        if fails:
+            raise DeviceError("no answer")
+        return DriveState.SWITCH_ON_DISABLED
+
+    monkeypatch.setattr("gantryctl.drives.canopen.bus.node.RemoteNode", node)
+    monkeypatch.setattr("gantryctl.drives.canopen.setup.fault_reset.reset_fault", reset)
+    machine = with_values(can, REAL)
+    if fails:
+        with pytest.raises(DeviceError, match="no answer"):
+            reset_drive_fault(machine)
+    else:
+        assert reset_drive_fault(machine) is DriveState.SWITCH_ON_DISABLED
+    assert asked == [(5, 9)]
+    assert bench.closed == 1
+
+
+def test_who_only_reads_leaves_the_bus(can: Machine, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "gantryctl.drives.canopen.setup.read_only.ReadOnlyDrive", lambda _, settings: settings.node
+    )
+    read: Any = read_only_drive(with_values(can, REAL))
+    assert (read, bench.closed) == (5, 1)
+
+
+# --- a virtual drive ----------------------------------------------------------------------------------
+
+
+def test_a_virtual_drive_stands_where_it_is_told_also_at_0_deg(
+    can: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(can.axis), "start_angle_deg", 30.0)
+    assert drive_hardware(can).start_angle_rad == pytest.approx(0.5235988)
+    assert drive_hardware(can, 0.0).start_angle_rad == 0.0
+
+
+def test_a_virtual_drive_of_the_file_has_the_quirks_that_are_asked_for_too(can: Machine) -> None:
+    machine = with_values(can, {"can.virtual_drive": "lagging+rpm"})
+    assert drive_kind(machine, ["slow-save"]).name == "lagging+rpm+slow-save"
+    assert drive_kind(machine).name == "lagging+rpm"
+
+
+def test_the_state_of_a_virtual_axis_without_ends_is_turned_back(
+    can: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kept angles do not grow from run to run: their last bits would be lost."""
+    link, drive, _ = virtual.virtual_bus(can)
+    kept = drive.plant_state()
+    link.close()
+    seen: list[Any] = []
+    monkeypatch.setattr(
+        virtual, "turned_back", lambda machine, state: (seen.append((machine, state)), kept)[1]
+    )
+    link, drive, _ = virtual.virtual_bus(can, state={"pos_load": 1e6})
+    link.close()
+    assert seen == [(can, {"pos_load": 1e6})]
+    assert drive.plant_state() == kept
+
+
+def test_a_virtual_node_has_its_own_wiring(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bits of its own inputs and outputs, not those of the drive beside it."""
+    made: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(virtual_nodes, "IoNode", lambda *given, **_: made.append(given))
+    bits: Any = lambda **given: SimpleNamespace(model_dump=lambda: given)  # noqa: E731
+    io = SimpleNamespace(node=3, inputs=bits(estop_ok=4, door_ok=-1), outputs=bits(brake_open=6, watchdog=-1))
+    source = SimpleNamespace(source="none")
+    machine: Any = SimpleNamespace(
+        can=SimpleNamespace(io=io, inputs=bits(estop_ok=1), outputs=bits(brake_open=2), load_encoder=source)
+    )
+    drive: Any = SimpleNamespace(
+        plant=SimpleNamespace(cabinet="cabinet"),
+        wires="wires",
+        stepped=True,
+        hardware=SimpleNamespace(load_encoder=None),
+    )
+    send: Any = "send"
+    virtual_nodes.virtual_neighbours(machine, drive, send)
+    assert made == [(3, "send", "cabinet", "wires", {"estop_ok": 4}, {"brake_open": 6})]
+
+
+# --- a simulated drive --------------------------------------------------------------------------------
+
+
+def test_an_encoder_is_on_the_simulated_ring_where_the_file_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted: list[bool] = []
+    monkeypatch.setattr(simulator, "fit_load_encoder", lambda machine, _: fitted.append(True))
+    for there in (False, True):
+        simulator.gantry_sim(with_values(default_machine(), {"plant.load_encoder.fitted": there}))
+        assert fitted == [True] * there
+
+
+def test_an_ideal_axis_goes_on_where_it_was() -> None:
+    """0.5 rad are 0.5 x 1144 / 2 pi turns of the motor from the middle of its range."""
+    machine = with_values(default_machine(), {"drive.kind": "ideal"})
+    per_rad = 1144.0 * machine.counts_per_turn / math.tau
+    middle = machine.encoder.turns * machine.counts_per_turn / 2.0
+    for drive, at_rad in (
+        (simulator.ideal_drive(machine, 30.0), 0.5235988),
+        (simulator.ideal_drive(machine, 30.0, {"pos_ideal": 0.5}), 0.5),
+    ):
+        assert drive.read().pos_act_counts - middle == pytest.approx(at_rad * per_rad, rel=1e-6)
