@@ -9,11 +9,15 @@ import pytest
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.engineering.fault_campaign.draw import pair_scenario
+from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.engineering.faults.case import Phase
+from gantryctl.engineering.faults.catalogue import CATALOGUE
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.sequence import PowerSequence
 from support.fault_liars import LIARS
 
@@ -71,3 +75,41 @@ def test_a_bug_is_found_where_the_judge_has_learned(
     assert play(scene).ok
     plant(monkeypatch)
     assert invariant in {each.invariant for each in play(scene).violations}
+
+
+def _violations(number: str, phase: Phase, speed_deg_s: float, angle_deg: float) -> list[str]:
+    (case,) = (each for each in CATALOGUE if each.number == number)
+    found = run_cell(Cell(case, "sim", phase, speed_deg_s, angle_deg, 4.0, "drive"))
+    assert not found["refused"]
+    return list(found["violations"])
+
+
+def _only_warn(patch: pytest.MonkeyPatch, *codes: Code) -> None:
+    for code in codes:
+        patch.setitem(log.ALARMS, code, log.ALARMS[code]._replace(reaction=Reaction.W))
+
+
+def test_a_load_that_hardly_moves_without_torque_is_told_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Row B13 at -75 deg: 16 kN m x cos(75 deg) is 4.1 kN m, and seconds go by until it has moved by 0.15 deg."""
+    assert _violations("B13", Phase.HOLD, -6.0, -75.0) == []
+    monkeypatch.setattr(HoldWatch, "_tell", lambda *_: None)
+    assert any("BRK-13 should have come" in each for each in _violations("B13", Phase.HOLD, -6.0, -75.0))
+
+
+def test_a_torque_that_is_still_enough_stops_nothing_and_one_that_is_not_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Row B8 leaves 8 of 400 N m: where the moment of the load helps, from -105 deg on, the axis needs no more."""
+    assert _violations("B8", Phase.CRUISE, 3.0, -105.0) == []
+    assert _violations("B8", Phase.CRUISE, 3.0, 15.0) == []
+    _only_warn(monkeypatch, Code.CTL_07, Code.CTL_03, Code.DRV_13, Code.CTL_05)
+    assert _violations("B8", Phase.CRUISE, 3.0, 15.0)
+
+
+def test_a_winding_that_is_too_hot_is_judged_from_its_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Row G12, a sensor read every 100 ms: the way begins with the alarm; an alarm that stops nothing is found."""
+    assert _violations("G12", Phase.DECELERATION, 6.0, 135.0) == []
+    _only_warn(monkeypatch, Code.THM_04)
+    assert _violations("G12", Phase.CRUISE, 6.0, 135.0)

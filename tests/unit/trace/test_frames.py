@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+import zlib
 from pathlib import Path
 
 import can
@@ -109,6 +110,54 @@ def test_a_log_of_another_program_may_hold_what_is_no_data_frame(tmp_path: Path)
         ):
             writer(message)
     assert [(f.can_id, f.data) for f in read_frames(path)] == [(0x182, b"ab"), (0x80, b"")]
+
+
+def test_an_object_may_go_on_in_the_next_container(tmp_path: Path) -> None:
+    """Of 16 KiB: some of 1,000 frames of 48 bytes lie across the end of one."""
+    frames = [BusFrame(0.001 * number, 0x182, number.to_bytes(8, "little"), False) for number in range(1000)]
+    path = written(tmp_path / "long.blf", frames)
+    assert [f.data for f in read_frames(path)] == [f.data for f in frames]
+
+
+def _blf(*objects: bytes, method: int = 0) -> bytes:
+    """A head of 144 bytes and a container, as python-can reads them; `method` 2 is zlib."""
+    inner = b"".join(objects)
+    body = method.to_bytes(2, "little") + bytes(6) + len(inner).to_bytes(4, "little") + bytes(4)
+    body += zlib.compress(inner) if method == 2 else inner
+    size = 16 + len(body)
+    head = b"LOGG" + (144).to_bytes(4, "little") + bytes(136)
+    return (
+        head
+        + b"LOBJ\x10\0\x01\0"
+        + size.to_bytes(4, "little")
+        + (10).to_bytes(4, "little")
+        + body
+        + bytes(size % 4)
+    )
+
+
+def _object(size: int, version: int = 4) -> bytes:
+    return (
+        b"LOBJ\x10\0" + version.to_bytes(2, "little") + size.to_bytes(4, "little") + bytes(max(4, size - 12))
+    )
+
+
+def test_a_length_that_would_never_end_is_refused(tmp_path: Path) -> None:
+    """python-can 4.6 stays for good at an object of length 0 whose version it does not know."""
+    path = tmp_path / "round.blf"
+    for size in (0, 15):
+        path.write_bytes(_blf(_object(32), _object(size)))
+        with pytest.raises(
+            UsageError, match=rf"round.blf.*an object of {size} bytes, and its head alone has 16"
+        ):
+            list(read_frames(path))
+    path.write_bytes(_blf(_object(16), method=2))
+    with pytest.raises(UsageError, match="no frame in it"):
+        list(read_frames(path))
+    path.write_bytes(_blf(bytes(16 * 2**20 + 1), method=2))
+    assert path.stat().st_size < 20_000
+    with pytest.raises(UsageError, match="a container of more than 16 MiB"):
+        list(read_frames(path))
 
 
 @pytest.mark.parametrize(

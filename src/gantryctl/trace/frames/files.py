@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gantryctl.errors import DeviceError, UsageError
+from gantryctl.trace.frames.blf import check_blf
 from gantryctl.trace.frames.ring import BusFrame
 
 if TYPE_CHECKING:
@@ -172,6 +173,8 @@ def read_frames(path: Path) -> Iterator[BusFrame]:
     count = 0
     try:
         with _opened(path, suffix.lower()) as file:
+            if suffix.lower() == ".blf":
+                check_blf(file)
             for message in _reader(suffix.lower(), file):
                 count += 1
                 plain = not (message.is_extended_id or message.is_remote_frame or message.is_error_frame)

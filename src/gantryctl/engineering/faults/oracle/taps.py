@@ -25,10 +25,11 @@ _FEEDBACK: Final = frozenset(
      "ignore_target", "never_move", "quick_stop_off", "mode_display"}
 )  # fmt: skip
 # Faults that show only when something else happens: a quick stop, a closing brake, a command to change state, a motion
-# that needs torque.
+# that needs torque; and a temperature, which is read every 100 ms.
 _LATER: Final = frozenset(
     {"quick_stop_off", "stuck_state", "brake_feedback", "brake_torque_share", "brake_close_slow_s", "torque_offset",
-     "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share", "no_torque"}
+     "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share", "no_torque",
+     "motor_temp_c"}
 )  # fmt: skip
 _COUNT_RAD: Final = 1.0
 # Identifiers of CiA 301: NMT and SYNC; RPDO 1 to 4 and SDO requests; heartbeats.
