@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import defaultdict
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -295,3 +296,249 @@ def test_no_request_is_looked_at_while_the_client_takes_no_answers() -> None:
     assert connection.stuck_s is not None
     connection.resume_writing()
     assert (connection._writable.is_set(), connection.stuck_s) == (True, None)
+
+
+# --- one connection -----------------------------------------------------------------------------------
+
+
+class Wire:
+    """The transport of a connection: what was done to it."""
+
+    def __init__(self) -> None:
+        self.did: list[str] = []
+        self.closing = False
+
+    def get_extra_info(self, _: str) -> tuple[str, int]:
+        return ("192.0.2.7", 7)
+
+    def set_write_buffer_limits(self, most: int) -> None:
+        self.did.append(f"buffer {most}")
+
+    def is_closing(self) -> bool:
+        return self.closing
+
+    def write(self, _: bytes) -> None:
+        self.did.append("told")
+
+    def __getattr__(self, name: str) -> Any:
+        def did() -> None:
+            self.did.append(name)
+            self.closing = self.closing or name in ("abort", "close")
+
+        return did
+
+
+def on_a_wire(
+    monkeypatch: pytest.MonkeyPatch, check: Any, *, full: bool = False, answers: Any = None
+) -> None:
+    """Run a check of a connection whose channel answers as the test says."""
+
+    async def whole() -> None:
+        wall: Any = Wall()
+        wall.limits = SimpleNamespace(max_recv_buffer=100)
+        listener = Listener(wall, "127.0.0.1", 0)
+        taken: list[bytes] = []
+        place = SimpleNamespace(leave=lambda: wire.did.append("left"))
+        listener.places = SimpleNamespace(take=lambda _: None if full else place)  # type: ignore[assignment]
+
+        async def take(_: Any, body: Any) -> bool:
+            taken.append(bytes(body.read(len(body))))
+            if isinstance(answers, Exception):
+                raise answers
+            return answers is not False
+
+        async def end() -> None:
+            wire.did.append("sessions ended")
+
+        channel = SimpleNamespace(take=take, end=end)
+        monkeypatch.setattr(listener_module, "Channel", lambda *_: channel)
+        connection, wire = Connection(listener), Wire()
+        connection.connection_made(wire)
+        await check(connection, wire, taken, wall)
+        if connection._work is not None:
+            connection._work.cancel()
+
+    asyncio.run(whole())
+
+
+def chunk(body: bytes, kind: bytes = b"MSGF") -> bytes:
+    """Kind and final part, length of the whole, channel 1."""
+    return kind + (12 + len(body)).to_bytes(4, "little") + (1).to_bytes(4, "little") + body
+
+
+async def turns() -> None:
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+def test_who_finds_no_place_is_not_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.data_received(chunk(b"hello"))
+        await turns()
+        connection.connection_lost(None)
+        assert (wire.did, taken) == (["abort"], [])
+
+    on_a_wire(monkeypatch, check, full=True)
+
+
+def test_a_connection_that_ends_gives_its_place_back_and_ends_its_sessions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.connection_lost(None)
+        await turns()
+        assert wire.did == [f"buffer {2**20}", "left", "sessions ended"]
+        assert connection not in connection._listener.connections
+
+    on_a_wire(monkeypatch, check)
+
+
+def test_chunks_are_taken_in_their_order_as_they_become_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        both = chunk(b"one") + chunk(b"two")
+        connection.data_received(both[:17])
+        await turns()
+        assert taken == [b"one"]
+        connection.data_received(both[17:])
+        await turns()
+        assert taken == [b"one", b"two"]
+        # While the client takes no answers nothing further is looked at.
+        connection.pause_writing()
+        connection.data_received(chunk(b"three"))
+        await turns()
+        assert taken == [b"one", b"two"]
+        connection.resume_writing()
+        await turns()
+        assert taken[2:] == [b"three"]
+
+    on_a_wire(monkeypatch, check)
+
+
+@pytest.mark.parametrize(
+    ("head", "refused"),
+    [
+        (b"MSGF" + (100).to_bytes(4, "little"), False), (b"MSGF" + (101).to_bytes(4, "little"), True),
+        (b"MSGF" + (9).to_bytes(4, "little"), False), (b"MSGF" + (8).to_bytes(4, "little"), True),
+        (b"MSGX" + (50).to_bytes(4, "little"), True), (b"HELC" + (50).to_bytes(4, "little"), True),
+        (b"XXXF" + (50).to_bytes(4, "little"), True), (b"MSGA" + (50).to_bytes(4, "little"), False),
+    ],
+)  # fmt: skip
+def test_only_chunks_of_a_kind_and_a_length_that_were_announced_are_waited_for(
+    monkeypatch: pytest.MonkeyPatch, head: bytes, refused: bool
+) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.data_received(head)
+        assert wire.did[1:] == (["told", "close"] if refused else [])
+
+    on_a_wire(monkeypatch, check)
+
+
+def test_a_flood_is_read_no_further_until_half_of_it_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.data_received(chunk(b"x") * 32)
+        assert "pause_reading" not in wire.did
+        connection.data_received(chunk(b"x"))
+        assert wire.did[-1] == "pause_reading"
+        while "resume_reading" not in wire.did:
+            await asyncio.sleep(0)
+        # 33 wait; from 16 on it is read again.
+        assert len(taken) in (16, 17)
+
+    on_a_wire(monkeypatch, check)
+
+
+@pytest.mark.parametrize(
+    ("answers", "did", "written"),
+    [
+        (True, [], []),
+        (False, ["close"], []),
+        (
+            listener_module.ChannelRefused(S.BadSecurityChecksFailed, "a stranger"),
+            ["told", "close"],
+            [("192.0.2.7", 1)],
+        ),
+        (listener_module.ChannelRefused(S.BadSecureChannelClosed), ["told", "close"], []),
+        (ValueError("no chunk"), ["told", "close"], []),
+    ],
+)
+def test_a_channel_that_is_refused_is_told_and_closed_and_an_attack_is_in_the_journal(
+    monkeypatch: pytest.MonkeyPatch, answers: Any, did: list[str], written: list[tuple[str, int]]
+) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.data_received(chunk(b"x"))
+        await turns()
+        assert [each for each in wire.did[1:] if each != "resume_reading"] == did
+        assert wall.refused == written
+
+    on_a_wire(monkeypatch, check, answers=answers)
+
+
+def test_a_sweep_reads_the_trust_list_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+    wall = Wall()
+    wall.trust = SimpleNamespace(refresh=lambda: read.append("list"))
+    asyncio.run(Listener(wall, "127.0.0.1", 0).sweep())  # type: ignore[arg-type]
+    assert read == ["list"]
+
+
+# --- what is shown ------------------------------------------------------------------------------------
+
+
+def test_the_error_is_the_alarm_that_stopped_the_axis_with_its_code_and_its_text() -> None:
+    made, nodes = space()
+    rows = [
+        {"code": "CTL-02", "text": "a consequence", "first_out": False},
+        {"code": "INT-06", "text": "the cause", "first_out": True},
+    ]
+    asyncio.run(made.show({"alarms": rows}, 0.0))
+    asyncio.run(made.show({"alarms": rows[:1]}, 0.0))
+    assert [value for value, _ in nodes["AxisErrorID"].written] == ["INT-06", ""]
+    assert [value for value, _ in nodes["Text"].written] == ["the cause", ""]
+
+
+def test_a_value_has_the_time_in_which_it_was_measured() -> None:
+    made, _ = space()
+    times: list[Any] = []
+
+    class Timed(Node):
+        async def write_value(self, data: Any) -> None:
+            times.append(data.SourceTimestamp)
+
+    made._nodes = defaultdict(Timed)  # type: ignore[arg-type]
+    begun = datetime.now(UTC)
+    asyncio.run(made.show({"pos_act_deg": 1.0}, 400.0))
+    ended = datetime.now(UTC)
+    old = timedelta(milliseconds=400.0)
+    assert all(begun - old <= each.replace(tzinfo=UTC) <= ended - old for each in times)
+
+
+def test_ranges_are_written_where_a_limit_of_the_machine_has_changed() -> None:
+    made, _ = space()
+    written: list[Any] = []
+
+    async def write(found: Any) -> None:
+        written.append((found.Low, found.High))
+
+    made._ranges = {"pos_act_deg": (BY_NAME["pos_act_deg"], SimpleNamespace(write_value=write))}  # type: ignore[dict-item]
+    for limit in (185.0, 185.0, 190.0):
+        asyncio.run(made.show({"over_travel_max_deg": limit}, 0.0))
+    assert written == [(-185.0, 185.0), (-190.0, 190.0)]
+
+
+def test_every_unit_has_its_sign_and_its_name() -> None:
+    shown = {tag.unit: information(tag) for tag in TAGS if tag.kind == "float"}
+    assert {unit: each.DisplayName.Text for unit, each in shown.items()} == {
+        "deg": "°", "deg/s": "°/s", "deg/s2": "°/s²", "N m": "N·m", "s": "s", "ms": "ms", "us": "µs", "%": "%", "": "",
+    }  # fmt: skip
+    # Common codes of Recommendation 20, as bytes of a number.
+    codes = {
+        "deg": b"DD",
+        "deg/s": b"E96",
+        "deg/s2": b"M45",
+        "N m": b"NU",
+        "s": b"SEC",
+        "ms": b"C26",
+        "us": b"B98",
+    }
+    for unit, code in {**codes, "%": b"P1", "": b"C62"}.items():
+        assert shown[unit].UnitId == int.from_bytes(code)

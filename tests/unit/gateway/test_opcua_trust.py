@@ -13,12 +13,18 @@ asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not instal
 from asyncua import ua  # noqa: E402
 from asyncua.crypto.cert_gen import load_private_key  # noqa: E402
 from cryptography import x509  # noqa: E402
-from cryptography.hazmat.primitives.asymmetric import ec, rsa  # noqa: E402
+from cryptography.hazmat.primitives.asymmetric import ec  # noqa: E402
 from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
 from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
-from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, _is_authority, first_of  # noqa: E402
+from gantryctl.gateway.opcua.trust import (  # noqa: E402
+    NotTrusted,
+    TrustList,
+    _is_authority,
+    first_of,
+    speaks_for,
+)
 from support.opcua_bench import CLIENT, PASSWORD, Bench, Run  # noqa: E402
 from support.opcua_table import SECURE  # noqa: E402
 from support.opcua_wire import Refused, password  # noqa: E402
@@ -114,42 +120,59 @@ def of_client(
     )
 
 
-def test_a_client_certificate_is_valid_from_its_first_day_to_its_last(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        key = await load_private_key(bench.root / "client.pem")
-        (bench.root / "dated.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        for begins, days, valid in ((-10, 1, True), (-10, -1, False), (1, 10, False)):
-            made = of_client(key, days, begins=begins).public_bytes(Encoding.DER)
-            (bench.root / "dated.der").write_bytes(made)
-            (bench.root / "opcua" / "trusted" / "dated.der").write_bytes(made)
-            await bench.listener.sweep()
-            assert await refused(bench, "dated") is not valid
+class Listed:
+    """A trust list of its own, its clients, and what was told of it."""
 
-    run(check)
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.told = folder, list[str]()
+        events: Any = SimpleNamespace(put=lambda kind, text: self.told.append(text))
+        self.list = TrustList(folder, events)
+        self.key = ec.generate_private_key(ec.SECP256R1())
+
+    def put(self, name: str, made: Any, coding: Encoding = Encoding.DER) -> None:
+        (self.folder / name).write_bytes(made.public_bytes(coding))
+        self.list.refresh()
+
+    def client(self, days: int = 5, authority: Any = None, **how: Any) -> x509.Certificate:
+        return of_client(self.key, days, authority, **how)
+
+    def opens(self, certificate: x509.Certificate) -> bool:
+        try:
+            return self.list.judge(certificate.public_bytes(Encoding.DER)) == certificate
+        except NotTrusted:
+            return False
 
 
-def test_only_a_certificate_for_clients_is_taken(run: Run) -> None:
+@pytest.fixture
+def listed(tmp_path: Path) -> Listed:
+    return Listed(tmp_path)
+
+
+@pytest.mark.parametrize(("begins", "days", "valid"), [(-10, 1, True), (-10, -1, False), (1, 10, False)])
+def test_a_client_certificate_is_valid_from_its_first_day_to_its_last(
+    listed: Listed, begins: int, days: int, valid: bool
+) -> None:
+    made = listed.client(days, begins=begins)
+    listed.put("trusted/dated.der", made)
+    assert listed.opens(made) is valid
+
+
+def test_only_a_certificate_for_clients_is_taken(listed: Listed) -> None:
     """OPC UA Part 6, section 6.2.2: four uses of the key, and the purpose of a client."""
-
-    async def check(bench: Bench) -> None:
-        key, trust = await load_private_key(bench.root / "client.pem"), bench.listener.wall.trust
-        wrong: list[dict[str, Any]] = [
-            {"lacks": "digital_signature"},
-            {"lacks": "content_commitment"},
-            {"lacks": "key_encipherment"},
-            {"lacks": "data_encipherment"},
-            {"purpose": ExtendedKeyUsageOID.SERVER_AUTH},
-        ]
-        made = [of_client(key, 5, **how).public_bytes(Encoding.DER) for how in ({}, *wrong)]
-        for number, data in enumerate(made):
-            (bench.trusted / f"{number}.der").write_bytes(data)
-        await bench.listener.sweep()
-        assert trust.judge(made[0])
-        for data in made[1:]:
-            with pytest.raises(NotTrusted, match="not for clients"):
-                trust.judge(data)
-
-    run(check)
+    wrong: list[dict[str, Any]] = [
+        {"lacks": "digital_signature"},
+        {"lacks": "content_commitment"},
+        {"lacks": "key_encipherment"},
+        {"lacks": "data_encipherment"},
+        {"purpose": ExtendedKeyUsageOID.SERVER_AUTH},
+    ]
+    made = [listed.client(**how) for how in ({}, *wrong)]
+    for number, each in enumerate(made):
+        listed.put(f"trusted/{number}.der", each)
+    assert listed.opens(made[0])
+    for each in made[1:]:
+        with pytest.raises(NotTrusted, match="not for clients"):
+            listed.list.judge(each.public_bytes(Encoding.DER))
 
 
 @pytest.mark.parametrize(
@@ -216,41 +239,62 @@ def of_authority(key: Any) -> x509.Certificate:
     return builder.add_extension(signs, critical=True).sign(key, SHA256())
 
 
-def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        key = await load_private_key(bench.root / "client.pem")
-        authority = rsa.generate_private_key(65537, 2048)
-        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        signed = of_client(key, 5, authority).public_bytes(Encoding.DER)
-        (bench.root / "signed.der").write_bytes(signed)
-        assert await refused(bench, "signed")
-        (bench.trusted / "authority.pem").write_bytes(of_authority(authority).public_bytes(Encoding.PEM))
-        await bench.listener.sweep()
-        assert not await refused(bench, "signed")
-        assert await refused(bench, "stranger")
-
-    run(check)
+def revoking(authority: Any, *revoked: x509.Certificate) -> x509.CertificateRevocationList:
+    now = datetime.now(UTC)
+    made = x509.CertificateRevocationListBuilder().issuer_name(AUTHORITY).last_update(now)
+    made = made.next_update(now + timedelta(days=1))
+    for each in revoked:
+        row = x509.RevokedCertificateBuilder().serial_number(each.serial_number).revocation_date(now).build()
+        made = made.add_revoked_certificate(row)
+    return made.sign(authority, SHA256())
 
 
-def test_an_authority_that_is_revoked_itself_speaks_for_nobody(run: Run) -> None:
-    async def check(bench: Bench) -> None:
-        key = await load_private_key(bench.root / "client.pem")
-        authority, now = rsa.generate_private_key(65537, 2048), datetime.now(UTC)
-        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
-        (bench.root / "signed.der").write_bytes(of_client(key, 5, authority).public_bytes(Encoding.DER))
-        own = of_authority(authority)
-        (bench.trusted / "authority.pem").write_bytes(own.public_bytes(Encoding.PEM))
-        await bench.listener.sweep()
-        assert not await refused(bench, "signed")
-        row = x509.RevokedCertificateBuilder().serial_number(own.serial_number).revocation_date(now).build()
-        made = x509.CertificateRevocationListBuilder().issuer_name(AUTHORITY).last_update(now)
-        made = made.next_update(now + timedelta(days=1)).add_revoked_certificate(row)
-        revoked = bench.trusted.with_name("revoked") / "list.der"
-        revoked.write_bytes(made.sign(authority, SHA256()).public_bytes(Encoding.DER))
-        await bench.listener.sweep()
-        assert await refused(bench, "signed")
+def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(listed: Listed) -> None:
+    authority, other = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    signed, stranger = listed.client(authority=authority), listed.client(authority=other)
+    assert not listed.opens(signed)
+    listed.put("trusted/authority.pem", of_authority(authority), Encoding.PEM)
+    assert (listed.opens(signed), listed.opens(stranger)) == (True, False)
 
-    run(check)
+
+def test_what_is_revoked_opens_nothing_and_an_authority_that_is_speaks_for_nobody(listed: Listed) -> None:
+    authority = ec.generate_private_key(ec.SECP256R1())
+    own, signed, alone, lost = (
+        of_authority(authority),
+        listed.client(authority=authority),
+        listed.client(),
+        listed.client(),
+    )
+    listed.put("trusted/authority.pem", own, Encoding.PEM)
+    for name, each in (("alone", alone), ("lost", lost)):
+        listed.put(f"trusted/{name}.der", each)
+    assert all(map(listed.opens, (signed, alone, lost)))
+    listed.put("revoked/lost.crl", revoking(authority, lost))
+    assert [listed.opens(each) for each in (signed, alone, lost)] == [True, True, False]
+    listed.put("revoked/own.crl", revoking(authority, own), Encoding.PEM)
+    assert [listed.opens(each) for each in (signed, alone, lost)] == [False, True, False]
+
+
+@pytest.mark.parametrize(("folder", "left"), [("trusted", [True, True]), ("revoked", [False, False])])
+def test_a_file_that_cannot_be_read_trusts_nobody_and_one_that_revokes_may_mean_anybody(
+    listed: Listed, folder: str, left: list[bool]
+) -> None:
+    authority = ec.generate_private_key(ec.SECP256R1())
+    signed, alone = listed.client(authority=authority), listed.client()
+    listed.put("trusted/authority.der", of_authority(authority))
+    listed.put("trusted/alone.der", alone)
+    (listed.folder / folder / "broken.der").write_bytes(b"no certificate")
+    assert listed.list.refresh()
+    assert [listed.opens(each) for each in (signed, alone)] == left
+    less = "it is left out" if folder == "trusted" else "nobody is trusted"
+    assert f"broken.der cannot be read, {less}" in listed.told[-1]
+
+
+def test_a_certificate_speaks_for_its_own_application_alone() -> None:
+    key = ec.generate_private_key(ec.SECP256R1())
+    made = of_client(key, 5)
+    for uri, own in ((CLIENT, True), (f"{CLIENT}x", False)):
+        assert speaks_for(made, ua.ApplicationDescription(ApplicationUri=uri)) is own
 
 
 def test_the_certificate_of_somebody_else_opens_no_session(run: Run) -> None:
