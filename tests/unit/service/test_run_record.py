@@ -265,7 +265,7 @@ def test_it_is_synchronised_every_second_in_motion_and_rarely_at_rest(
         nonlocal syncs
         syncs, begin_s = 0, run.now_s
         while run.now_s < begin_s + count:
-            run.sees(vel_deg_s * (run.now_s - begin_s), vel_deg_s)
+            run.sees(30.0 + vel_deg_s * (run.now_s - begin_s), vel_deg_s)
             run.keeper.look()
             run.now_s += 0.01
         return syncs

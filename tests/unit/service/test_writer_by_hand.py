@@ -7,16 +7,18 @@ import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from gantryctl.service.recorder.journal import file, writer
 from gantryctl.service.recorder.journal.chain import Anchor
-from gantryctl.service.recorder.journal.key import Key, read_key
+from gantryctl.service.recorder.journal.file import Damaged
+from gantryctl.service.recorder.journal.key import Key, made_key, read_key
 from gantryctl.service.recorder.journal.mirror import Mirror, Newest
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.proof import verify
-from gantryctl.service.recorder.journal.reading import read_journal
+from gantryctl.service.recorder.journal.reading import _entry, _first, read_journal
 from gantryctl.service.recorder.journal.writer import Journal
 
 pytestmark = pytest.mark.usefixtures("keys")
@@ -156,3 +158,59 @@ def test_what_lies_beside_a_journal_that_was_cut_to_nothing_is_kept_as_evidence(
     made.close()
     assert made.moved_aside is not None
     assert made.moved_aside.with_name(f"{made.moved_aside.name}-wal").read_bytes() == b"evidence"
+
+
+def test_what_proves_a_journal_is_for_its_owner_alone(tmp_path: Path) -> None:
+    """Whatever the umask, and where the folder of the keys is there already."""
+    before = os.umask(0)
+    try:
+        made = filled(tmp_path / "journal")
+        assert made.anchor() is not None
+        made.close()
+        (tmp_path / "keys").mkdir()
+        for place in ("keys/one", "new/folder/two"):
+            key = made_key(tmp_path / place)
+            assert made_key(tmp_path / place).secret == key.secret
+            assert (tmp_path / place).stat().st_mode & 0o777 == 0o600
+        assert (tmp_path / "new" / "folder").stat().st_mode & 0o777 == 0o700
+    finally:
+        os.umask(before)
+    assert made.places.anchors.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize(
+    ("unsettled", "passed_s", "settles"),
+    [(True, 1.0, True), (True, 0.9, False), (False, 1.0, False), (False, 0.0, False)],
+)
+def test_what_was_committed_is_in_the_database_a_second_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unsettled: bool, passed_s: float, settles: bool
+) -> None:
+    made, now_s = filled(tmp_path), [1e6]
+    monkeypatch.setattr(writer, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    made.settle()
+    made._unsettled = unsettled
+    now_s[0] += passed_s
+    log = made._db.execute
+    asked: list[str] = []
+    db, made._db = made._db, SimpleNamespace(execute=lambda text: (asked.append(text), log(text))[1])  # type: ignore[assignment]
+    made.settle()
+    assert [text for text in asked if "wal_checkpoint" in text] == asked
+    assert bool(asked) is settles
+    made._db = db
+    made.close()
+
+
+@pytest.mark.parametrize("detail", ["[]", "5", "null", "no JSON"])
+def test_a_row_whose_detail_is_no_table_is_no_event(detail: str) -> None:
+    values = {
+        name: 1 if name in ("boot", "source", "number", "monotonic_ns") else "x" for name in file.FIELDS
+    }
+    row = (7, *{**values, "detail": '{"a": 1}'}.values(), "hash", "seal")
+    assert _entry(row).seq == 7
+    with pytest.raises(Damaged, match="number 7 is no event"):
+        _entry((7, *{**values, "detail": detail}.values(), "hash", "seal"))
+
+
+@pytest.mark.parametrize(("rows", "first"), [([], 1), ([(0,)], 1), ([(41,)], 42)])
+def test_a_journal_begins_behind_what_was_taken_from_it(rows: list[tuple[int]], first: int) -> None:
+    assert _first(lambda *_: iter(rows)) == first
