@@ -121,7 +121,7 @@ def run_core(
     if not left:
         return
     core = CoreBuild(root, build, all_core_changes(root))
-    own = CoreTests(core.program, build / "core_tests.json")
+    own = [CoreTests(program, build / f"{program.name}.json") for program in core.programs]
     selection = Selection(coverage, root) if any(coverage.glob("tests.*.json")) else None
     if selection is None:
         print(f"{coverage} holds no recorded tests in Python: only the core's own are used", flush=True)
@@ -132,7 +132,9 @@ def run_core(
 
 
 class _Worker:
-    def __init__(self, root: Path, core: CoreBuild, own: CoreTests, selection: Selection | None) -> None:
+    def __init__(
+        self, root: Path, core: CoreBuild, own: Sequence[CoreTests], selection: Selection | None
+    ) -> None:
         self._root, self._core, self._own, self._selection = root, core, own, selection
         self._killers: dict[str, list[str]] = {}
         self._warm: WarmTests | None = None
@@ -147,17 +149,30 @@ class _Worker:
                 continue
             number = self._core.numbers[change.name]
             first = [each for key in (change.function, change.file) for each in self._killers.get(key, [])]
-            fate, by = self._own.judge(number, budget_s, first)
+            fate, by = self._by_own(number, budget_s, first)
             if fate in FOUND or not self._in_python(change, budget_s):
-                self._tell(results, change, fate, by, len(self._own.covering(number)), begun)
+                self._tell(results, change, fate, by, self._own_tests(number), begun)
                 for key in (change.function, change.file) if fate is Fate.KILLED else ():
                     known = self._killers.setdefault(key, [])
-                    name = by.removeprefix("core_tests ")
+                    name = by.partition(" ")[2]
                     self._killers[key] = [name, *(each for each in known if each != name)][:4]
             else:
                 survivors.append(change)
         if survivors:
             self._by_python(survivors, results, budget_s)
+
+    def _by_own(self, number: int, budget_s: float, first: Sequence[str]) -> tuple[Fate, str]:
+        """What the core's own tests say, one program after the other."""
+        fates = []
+        for tests in self._own:
+            fate, by = tests.judge(number, budget_s, first)
+            if fate in FOUND:
+                return fate, by
+            fates.append(fate)
+        return (Fate.SURVIVED if Fate.SURVIVED in fates else Fate.UNCOVERED), ""
+
+    def _own_tests(self, number: int) -> int:
+        return sum(len(tests.covering(number)) for tests in self._own)
 
     def _in_python(self, change: Change, budget_s: float) -> list[str]:
         if self._selection is None:
@@ -179,7 +194,7 @@ class _Worker:
             fate, by = warm.judge_patched(_switch_on(self._core, number), order, 20.0 + 2.0 * budget_s)
             if fate is Fate.KILLED:
                 killers = [by, *(test for test in killers if test != by)][:12]
-            count = len(self._own.covering(number)) + len(tests)
+            count = self._own_tests(number) + len(tests)
             self._tell(results, change, fate, by, count, begun)
 
     def _tell(self, results: Path, change: Change, fate: Fate, by: str, count: int, begun: float) -> None:

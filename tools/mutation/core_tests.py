@@ -84,7 +84,8 @@ class CoreTests:
             return Fate.SURVIVED, ""
         failed = re.findall(r"^\[  FAILED  \] ([\w./]+)", told.stdout, re.MULTILINE)
         begun = re.findall(r"^\[ RUN      \] (\S+)", told.stdout, re.MULTILINE)
-        by = f"core_tests {failed[0] if failed else begun[-1] if begun else ''}"  # without a word it has crashed
+        test = failed[0] if failed else begun[-1] if begun else ""  # without a word it has crashed
+        by = f"{self._program.name} {test}"
         return (Fate.TIMEOUT if told.returncode in {-signal.SIGXCPU, -signal.SIGKILL} else Fate.KILLED), by
 
     def _record(self) -> dict[str, tuple[float, list[int]]]:

@@ -208,10 +208,10 @@ def _mutants_of(node: ast.expr | ast.stmt, writer: _Writer) -> Iterator[_Found]:
 
 
 def _worth_negating(test: ast.expr) -> bool:
-    """Unless another operator does it: == is made !=, a `not` is removed, True is made False."""
+    """Unless another operator does it (== is made !=, a `not` removed, True False), or only types hang on it."""
     if isinstance(test, ast.Compare) and len(test.ops) == 1:
         return isinstance(test.ops[0], ast.Lt | ast.LtE | ast.Gt | ast.GtE)
-    return not isinstance(test, ast.UnaryOp | ast.Constant)
+    return not isinstance(test, ast.UnaryOp | ast.Constant) and "TYPE_CHECKING" not in ast.dump(test)
 
 
 def _of_compare(node: ast.Compare, writer: _Writer) -> Iterator[_Found]:

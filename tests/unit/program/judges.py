@@ -263,6 +263,14 @@ def feels_the_brake(parts: Parts, x: float) -> bool:
     return scans(parts, lambda: watch.scan(0.0, x, 0.0), 1) and "BRK-05" in parts.codes
 
 
+def stays_armed_beyond(parts: Parts, x: float) -> bool:
+    """Released beyond the travel and back at `x`: the way back is not opened any further once it is inside."""
+    watch = monitors_of(parts)
+    watch.open_the_way_back(math.copysign(rad(181.0), x))
+    watch.scan_released(x)
+    return not scans(parts, lambda: watch.scan(math.copysign(rad(180.9), x), 0.0, 0.0), 1)
+
+
 def is_not_in_position(parts: Parts, x: float) -> bool:
     watch = monitors_of(parts, resting=True)
     scans(parts, lambda: watch.scan(0.0, x, 0.0), 210)
@@ -450,6 +458,7 @@ FROM: dict[str, tuple[Acts, float]] = {
     "proof torque": (proves, 24.0),
     "test torque": (gives_the_test_torque, 60.8),
     "a turning axis": (turns, rad(0.02)),
+    "an axis back inside its travel": (stays_armed_beyond, rad(180.5)),
     "a warm motor": (is_warm("THM-01"), 0.80),
     "a hot motor": (is_warm("THM-03"), 0.95),
     "a motor at its limit": (is_warm("THM-04"), 1.0),

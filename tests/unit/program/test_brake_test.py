@@ -374,3 +374,31 @@ def test_the_block_shows_a_test_that_was_stopped_as_aborted_and_as_nothing_else(
     rig.op(stop=True)
     rig.until(lambda: not block.busy, LONGEST_S)
     assert (block.done, block.command_aborted, block.error) == (False, True, False)
+
+
+def test_the_block_shows_a_result_for_a_scan_when_its_input_has_gone_long_before():
+    rig = TestRig()
+    rig.begin()
+    block = rig.program.brake_test
+    rig.until(lambda: not block.busy, LONGEST_S)
+    assert block.done
+    rig.step()
+    assert not block.done
+    assert not block.attention
+
+
+def test_a_test_that_was_stopped_clears_no_failure_of_the_one_before():
+    """It has shown nothing: the brake that failed lets nothing move."""
+    rig = TestRig()
+    rig.begin()
+    weak(rig, 20.0)
+    rig.finish()
+    assert rig.codes == ["BRK-08"]
+    rig.spoil = None
+    rig.begin()
+    rig.to(BrakeTestPhase.PLUS_HELD)
+    rig.op(stop=True)
+    rig.op(stop=False)
+    rig.finish()
+    assert rig.result.outcome is ABORTED
+    assert rig.codes == ["BRK-08"]

@@ -185,6 +185,11 @@ class TestMemory:
         assert again.memory == watch.memory
         assert other.found == {}
 
+    def test_the_gap_goes_on_from_its_changes_its_mean_and_its_variance(self) -> None:
+        watch = new_watch()
+        watch.restore({**watch.memory, "gap": [12.0, 1e-3, 1e-9]})
+        assert watch.memory["gap"] == [12, 1e-3, 1e-9]
+
     @pytest.mark.parametrize(
         "broken",
         [

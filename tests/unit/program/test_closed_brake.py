@@ -102,3 +102,13 @@ def test_brake_stops_of_earlier_runs_are_told_at_once():
     assert parts.codes == []
     BrakeWear(parts.settings, parts.feedback, parts.alarms).restore(5)
     assert parts.codes == ["BRK-09"]
+
+
+@BOTH
+def test_only_the_phase_behind_a_drive_that_owns_its_brake_may_unwind(way):
+    """0.04 deg: within what a gear unwinds by there, a slip in the next phase."""
+    parts = Parts()
+    watch = SlipWatch(parts.settings, parts.feedback, parts.alarms)
+    for unwinds in (True, False):
+        watch.begin(0.0, unwinds=unwinds)
+        assert watch.slipped_without_torque(way * rad(0.04), 0.1, Code.BRK_04) is not unwinds

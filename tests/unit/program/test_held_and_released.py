@@ -3,10 +3,11 @@
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import rad
 from unit.program.brake_rig import TestRig
-from unit.program.parts import BOTH
+from unit.program.parts import BOTH, PERIODS
 from unit.program.power_steps import P, held_again, record, slip
 from unit.program.rig import RATIO, Rig, moving_rig, settings
 
@@ -49,6 +50,7 @@ def test_a_load_that_falls_where_no_torque_may_come_back_is_told_once_it_is_far(
     rig.run(0.1)
     slip(rig, 0.1)
     assert rig.codes == ["INT-03", "BRK-04"]
+    assert rig.axis.alarms.active["BRK-04"].steps == (Words.TORQUE_OFF_COMMANDED,), "no torque is kept"
     slip(rig, 0.1)
     assert rig.codes == ["INT-03", "BRK-04", "BRK-13"]
     assert rig.output.request is DriveRequest.DISABLE
@@ -218,3 +220,126 @@ def test_a_brake_closes_for_the_end_of_a_ramp_that_nobody_sees():
     assert 1.09 - 0.15 <= closed_s <= 1.09 + 0.05
     rig.until(lambda: rig.output.request is DriveRequest.DISABLE, 3.0)
     assert (rig.scan - began) * rig.period_s == approx(closed_s + 0.15, abs=0.02)
+
+
+@PERIODS
+def test_a_brake_that_does_not_stop_the_axis_is_told_in_the_scan_after_3_s(period_s):
+    rig = moving_rig(config=settings(period_s=period_s))
+    speed = rig.drive.vel_rad_s
+
+    def turns_on(drive):
+        rig.drive.pos_motor_rad += speed * period_s
+        return drive._replace(vel_act_rad_s=speed)
+
+    rig.spoil = turns_on
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.step()
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    scans = 0
+    while "BRK-11" not in rig.codes:
+        rig.step()
+        scans += 1
+        assert scans < 3.1 / period_s
+    assert scans == round(3.0 / period_s) + 1
+
+
+@BOTH
+def test_after_a_stop_the_axis_is_switched_on_with_no_speed_of_before(way):
+    """The last command of the law was 6 deg/s: the first one of the next power-up is that of an axis at rest."""
+    rig = Rig()
+    rig.power_up()
+    rig.move(way * 100.0)
+    rig.run(2.0)
+    assert abs(rig.output.vel_cmd_rad_s) == approx(rad(6.0) * RATIO, rel=1e-4)
+    rig.op(power=False, quick_stop=True)
+    rig.until(lambda: rig.axis.is_off, 4.0)
+    rig.op(reset=True, quick_stop=False)
+    rig.run(0.1)
+    assert rig.codes == []
+    rig.op(power=True)
+    while not rig.axis.virtual.following:
+        rig.step()
+        assert abs(rig.output.vel_cmd_rad_s) < rad(0.001) * RATIO
+
+
+def test_power_off_asked_for_twice_is_one_stop():
+    """The second one plans no other stop and ends nothing anew."""
+    rig = moving_rig()
+    rig.axis.power_off()
+    rig.step()
+    plans = len(rig.axis.plans)
+    rig.run(0.2)
+    rig.axis.power_off()
+    rig.step()
+    assert rig.axis.motion.switching_off
+    assert len(rig.axis.plans) == plans
+
+
+PARKS = {"standstill": StandstillPolicy.BRAKE, "hold_brake_after_s": 0.3}
+
+
+def reset(rig):
+    """By the operator, or by service where a rig has that role."""
+    rig.op(power=False, quick_stop=False, reset=True)
+    rig.op(reset=False)
+    rig.run(0.1)
+    assert rig.codes == []
+
+
+def test_an_axis_that_is_stopped_while_it_parks_is_off_and_not_parked():
+    """A motion would find nobody to wake, and power could not be switched on."""
+    rig = Rig(config=settings(**PARKS, **HOLDS))
+    rig.power_up()
+    rig.until(lambda: rig.axis.power.phase is P.CLOSING, 1.0)
+    rig.op(quick_stop=True)
+    rig.run(1.0)
+    assert rig.axis.power.phase is P.OFF
+    reset(rig)
+    rig.power_up()
+
+
+def test_a_parked_axis_whose_angle_is_set_anew_has_not_slipped():
+    """Set and stopped in one scan: the brake is watched from the new angle on."""
+    rig = Rig(config=settings(**PARKS))
+    rig.power_up()
+    rig.until(lambda: rig.axis.power.phase is P.PARKED, 2.0)
+    rig.run(0.1)
+    assert rig.axis.set_position(rad(10.0)) is None
+    rig.axis.quick_stop()
+    assert rig.axis.power.phase is P.OFF
+    rig.run(0.1)
+    assert rig.codes == ["INT-06"]
+    assert rig.pos_deg == approx(10.0, abs=1e-6)
+
+
+def test_a_second_hold_waits_for_its_drive_as_the_first_one_did():
+    """Off for a second, then the brake slips again: 10 scans to be enabled, which is no drive that has let go."""
+    rig = held_again()
+    rig.run(0.3)
+    rig.program.service = True
+    reset(rig)
+    rig.until(lambda: rig.axis.is_off, 1.0)
+    rig.run(1.0)
+    begun = rig.scan
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON) if rig.scan < begun + 20 else drive
+    rig.drive.pos_motor_rad += rad(0.0205) * RATIO
+    rig.run(0.2)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    assert len(rig.codes) == 1
+    assert rig.codes[0].startswith("BRK-")
+    assert rig.output.torque_ff_nm == approx(12.0)
+
+
+def test_a_second_stop_at_rest_is_watched_for_50_ms_like_the_first():
+    """Rest of the stop before counts for nothing."""
+    rig = Rig()
+    for _ in range(2):
+        rig.power_up()
+        rig.op(quick_stop=True)
+        scans = 1
+        while rig.axis.power.phase is P.QUICK_STOPPING:
+            rig.step()
+            scans += 1
+        assert scans == approx(51, abs=1)
+        rig.until(lambda: rig.axis.is_off, 1.0)
+        reset(rig)

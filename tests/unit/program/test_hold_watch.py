@@ -176,3 +176,15 @@ def test_a_drive_that_has_no_torque_yet_drives_no_load(way):
     parts.turn(way * 0.2)
     parts.feedback.torque_nm = way * 5.0
     assert parts.after(lambda: watch.scan(0.0), most_s=1.0) == math.inf
+
+
+def test_a_drive_that_holds_by_its_quick_stop_is_judged_like_an_enabled_one():
+    """Quick stop active is torque at zero speed: 0.2 deg/s after 0.3 s is a load that moves."""
+    parts = Parts()
+    parts.feedback.state = DriveState.QUICK_STOP_ACTIVE
+    watch = held(parts)
+    parts.turn(0.2)
+    parts.feedback.torque_nm = -5.0
+    assert parts.after(lambda: watch.scan(0.0)) == approx(0.301)
+    assert parts.codes == ["BRK-13"]
+    assert watch.has_held

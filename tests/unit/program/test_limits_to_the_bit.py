@@ -10,17 +10,21 @@ import math
 
 import pytest
 
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command_checks import (
     check_jerk,
     check_ramp,
     check_setting,
     check_speed,
 )
+from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.units import rad
 from unit.program.judges import FROM, MONITORS, POWER, READINGS
 from unit.program.parts import BOTH, Parts
+from unit.program.rig import RATIO
 
 
 @BOTH
@@ -68,3 +72,32 @@ def test_a_sensor_of_the_motor_reads_from_minus_30_to_250_c(reading_c: float, be
     thermal.scan(0.0)
     thermal.scan(1.0)
     assert ("THM-02" in parts.codes) is not believed
+
+
+@BOTH
+def test_a_drag_that_is_the_level_of_the_halt_itself_is_a_warning(way: float) -> None:
+    """30 % of 257 N m for a second; the mean is held at the level."""
+    for drag, reaction in (
+        (0.30 * 257.0, Reaction.W),
+        (math.nextafter(0.30 * 257.0, math.inf), Reaction.HLT),
+    ):
+        parts = Parts()
+        watch = DragWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+        parts.virtual.vel_ref_rad_s = way * rad(3.0)
+        watch._mean_nm, watch._mean_share = drag, 0.0
+        parts.after(lambda watch=watch: watch.scan(0.0), most_s=1.1)
+        assert parts.reaction("BRK-02") is reaction
+        assert parts.alarms.active[Code.BRK_02].values["share"] == pytest.approx(30.0)
+
+
+@BOTH
+@pytest.mark.parametrize("wrong", ["torque", "speed"])
+def test_of_two_commands_the_one_beyond_its_limit_is_named(wrong: str, way: float) -> None:
+    """The other one is its limit to the bit."""
+    parts = Parts()
+    axis = Axis(parts.settings, 0.0)
+    torque, speed = way * 385.0, way * rad(6.3) * RATIO
+    beyond = axis._guard(speed * (1.0 + (wrong == "speed")), torque * (1.0 + (wrong == "torque")))
+    assert beyond == (0.0, torque if wrong == "speed" else 0.0)
+    words = Words.SPEED_COMMAND if wrong == "speed" else Words.TORQUE_COMMAND
+    assert axis.alarms.active[Code.CTL_02].values["measured"].words is words

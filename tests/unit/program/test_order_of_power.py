@@ -304,6 +304,20 @@ def test_a_brake_that_slips_within_2_s_after_the_torque_is_one_that_did_not_hold
     assert rig.codes[0] == code
 
 
+def test_power_taken_back_in_the_scan_in_which_the_contact_shows_open_closes_the_brake_in_that_scan():
+    """Only a drive that owns its brake goes on to the end of its own sequence first."""
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=opened)
+    opened = False
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.RELEASING)
+    rig.op(power=False)
+    opened = True
+    rig.step()
+    assert rig.axis.power.phase is P.CLOSING
+    assert not rig.output.brake_open
+
+
 def test_power_taken_back_while_a_drive_opens_its_own_brake_closes_it_at_once_in_the_sag_watch():
     rig = OwnBrake()
     rig.op(power=True)
@@ -415,3 +429,17 @@ def test_a_drive_that_leaves_hold_is_not_asked_again():
     assert "DRV-04" in rig.codes
     assert rig.axis.power.phase in (P.TORQUE_OFF, P.OFF)
     assert rig.output.request is DriveRequest.DISABLE
+
+
+@pytest.mark.parametrize(("rig", "proof"), [(Rig, Proof.PROVEN), (OwnBrake, Proof.NOT_POSSIBLE)])
+def test_a_proof_is_of_this_power_up_and_of_a_brake_that_the_controller_opens(rig, proof):
+    rig = rig()
+    for _ in range(2):
+        rig.op(power=True)
+        while rig.axis.power.phase is not P.ON:
+            rig.step()
+            if rig.axis.power.phase is P.PROVING:
+                assert rig.axis.power.proof is Proof.NOT_DONE
+        assert rig.axis.power.proof is proof
+        rig.op(power=False)
+        rig.until(lambda: rig.axis.is_off, 2.0)

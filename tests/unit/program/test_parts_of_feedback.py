@@ -5,6 +5,7 @@ the speed of the bare rotor by 169 deg/s2.
 """
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -596,7 +597,7 @@ def test_without_torque_only_the_twisted_gear_turns_the_shaft_round(period_s, to
         ((1.02, -1.02), True), ((1.02, -0.98), False), ((0.98, -1.02), False), ((1.02, 0.0), False),
         # A sign that turns in the middle of a scan: over two scans twice as much.
         ((2.04, 0.5, -2.04), True), ((2.04, -0.5, -2.04), True), ((2.04, 0.5, -1.96), False),
-        ((1.96, 0.5, -2.04), False), ((2.04, 0.5, 0.5, -2.04), False),
+        ((1.96, 0.5, -2.04), False), ((2.04, 0.5, 0.5, -2.04), False), ((-2.04, -5.1), False),
     ):  # fmt: skip
         codes = without_torque(period_s, torque_nm, [most * each for each in speeds])
         assert codes == (["ENC-14"] if turns else []), speeds
@@ -607,3 +608,16 @@ def test_an_encoder_of_coarse_steps_may_turn_round_by_what_its_speed_may_change_
     for share, turns in ((0.98, False), (1.02, True)):
         told = {"encoder_shows_twist": False, "speed_change_base_rad_s": rad(0.2)}
         assert bool(without_torque(0.004, 0.0, [most * share, -most * share], **told)) is turns
+
+
+@BOTH
+@pytest.mark.parametrize(("speeds", "limit"), [((0.05, -0.04), 0.0308), ((0.07, 0.0, -0.07), 0.0616)])
+def test_a_sign_that_turns_is_told_with_what_may_turn_round_of_it(speeds, limit, way):
+    """154 N m turn 0.0154 deg/s round in a scan of 1 ms: a change of twice as much; over two scans four times."""
+    parts = Parts(monitors={"encoder_shows_twist": True, "speed_change_per_torque": rad(0.2)})
+    for scan, (before, now) in enumerate(pairwise(speeds)):
+        parts.alarms.scan = 100 + scan
+        parts.feedback._judge_turn(way * rad(before), way * rad(now))
+    values = parts.alarms.active[Code.ENC_14].values
+    assert values["limit"] == approx(limit)
+    assert values["measured"].values == approx({"before": way * speeds[0], "value": way * speeds[-1]})

@@ -11,6 +11,7 @@ import pytest
 from gantryctl.image import DriveState
 from gantryctl.program import Reaction
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
@@ -462,3 +463,25 @@ def test_after_a_reset_each_monitor_counts_anew(name):
     begin()
     seconds = parts.after(one_scan(parts, watch, **scan), lambda: code in parts.codes, 0.5)
     assert seconds == approx(time_s - (parts.period_s if name == "torque limit" else 0.0))
+
+
+@BOTH
+def test_an_axis_that_leaves_standstill_for_nine_scans_at_a_time_has_kept_it(way):
+    """10 ms are permitted; one scan within the window begins them anew."""
+    parts = Parts()
+    watch = monitors_of(parts)
+    parts.after(lambda: watch.scan(0.0, 0.0, 0.0), lambda: watch.in_position)
+    for _ in range(5):
+        for _ in range(9):
+            watch.scan(0.0, way * rad(0.025), 0.0)
+        watch.scan(0.0, 0.0, 0.0)
+    assert "CTL-13" not in parts.codes
+
+
+def test_a_brake_that_closed_by_itself_at_rest_is_told_as_closed_where_it_was_commanded_open():
+    parts = Parts()
+    watch = monitors_of(parts)
+    parts.feedback.brake_open = False
+    parts.after(lambda: watch.scan(0.0, 0.0, 0.0), most_s=0.5)
+    values = parts.alarms.active[Code.BRK_06].values
+    assert (values["measured"], values["command"]) == (Words.CLOSED, Words.OPEN)

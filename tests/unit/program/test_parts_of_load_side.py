@@ -209,3 +209,13 @@ def test_a_command_of_the_same_scan_is_not_watched_twice():
     side.scan_again(parts.virtual, 0.0)
     assert (side.disagreement_rad, side.moment_change_nm) == (0.0, 0.0)
     assert side.torque_ff_nm == 3.0
+
+
+@BOTH
+def test_the_laws_go_over_to_the_next_turn_beyond_0_6_of_it(way):
+    """1.2 pi itself is still of this turn; the next number is of the next."""
+    for ref_rad, turned in ((1.2 * math.pi, []), (math.nextafter(1.2 * math.pi, 4.0), [way * math.tau])):
+        parts, law, side = load_side(modulo=True)
+        parts.virtual.pos_ref_rad = way * ref_rad
+        side.scan(parts.virtual, 0.0)
+        assert law.turned_rad == turned

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from gantryctl.program.alarms.codes import Code
 from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
@@ -84,6 +85,9 @@ def test_a_count_that_stands_is_tried_harder_each_time_and_then_frozen(period_s,
     assert tried[0] == approx(in_scans(patience_s, period_s) + period_s)
     per_count = 2.0 * math.pi / 2**22
     assert [way / per_count for way in ways] == approx([8.0, 64.0, 512.0, 4096.0])
+    said = parts.alarms.active[Code.ENC_02].values
+    assert said["measured"].values == {"value": 4096}
+    assert said["time_ms"] == approx((seconds - period_s) * 1e3)
     assert seconds < patience_s + 4 * 0.016 + 40 * period_s
 
 
@@ -189,3 +193,30 @@ def test_a_count_that_stands_because_nothing_newer_came_is_not_tried():
     parts.feedback.age = 1
     parts.after(lambda: watch.stand(proven=True), lambda: watch.dithers > 0, most_s=2.0)
     assert watch.dithers == 0
+
+
+def test_a_question_ends_with_the_rest_in_which_it_was_asked():
+    """A motion came between: nothing is added to the commands of the next rest, and it is asked anew."""
+    parts, watch = lives()
+    parts.after(lambda: watch.stand(proven=True), lambda: watch.asking, 1.0)
+    assert watch.vel_rad_s > 0.0
+    parts.alarms.scan += 100
+    watch.stand(proven=True)
+    assert (watch.asking, watch.vel_rad_s) == (False, 0.0)
+    assert parts.after(lambda: watch.stand(proven=True), lambda: watch.asking, 1.0) == approx(0.500)
+    assert watch.vel_rad_s * 0.008 * 2**22 / math.tau == approx(8.0), "the first question again"
+
+
+def test_a_reading_that_answers_a_harder_question_begins_with_the_first_again():
+    """Steps of 512 counts: it answers the third question each time it stands, and is never frozen."""
+    parts, watch = lives()
+    shaft = 0.0
+
+    def scan():
+        nonlocal shaft
+        watch.stand(proven=True)
+        shaft += watch.vel_rad_s * parts.period_s * 2**22 / math.tau
+        parts.feedback.counts = 512.0 * round((shaft + 100.0) / 512.0)
+
+    assert parts.after(scan, most_s=4.0) == math.inf
+    assert watch.dithers >= 9

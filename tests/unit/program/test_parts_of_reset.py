@@ -453,3 +453,22 @@ def test_a_stop_may_take_its_whole_time_to_the_scan(reaction, state, last):
     stop.scan(1, state=state)
     assert W.STOP_UNCONFIRMED not in stop.scan(last)
     assert W.STOP_UNCONFIRMED in stop.scan(last + 1)
+
+
+def test_a_stop_in_the_first_scan_of_all_is_told_with_its_times():
+    """Scan 0 is a scan like any other."""
+    stop = Stop()
+    stop.scan(0, state=OFF, brake_open=False, deg_s=0.0)
+    stop.scan(1, over=True)
+    assert stop.steps == [W.TORQUE_OFF_AFTER, W.BRAKE_CLOSED_AFTER, W.MOVED_TO]
+
+
+def test_a_drive_that_was_being_enabled_and_is_off_gives_no_torque_any_more():
+    """In Switched on it may have given torque already; off it gives none."""
+    on = {"state": DriveState.SWITCHED_ON, "brake_open": False}
+    stop = Stop(before=on, phase=PowerPhase.ENABLING, brake_open=False)
+    stop.scan(1, deg_s=0.0, **on)
+    stop.scan(5, state=OFF)
+    stop.scan(6, over=True)
+    assert W.TORQUE_OFF_AFTER in stop.steps
+    assert stop.value(W.TORQUE_OFF_AFTER, "time_ms") == approx(5.0)

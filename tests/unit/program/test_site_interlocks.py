@@ -302,3 +302,13 @@ def test_the_last_six_openings_count_whenever_the_one_before_was(name):
             parts.feedback.inputs = DigitalInputs(**{name: closed})
             site.scan(0.0, powered=False, moving=False)
     assert parts.codes == ["INT-02"]
+
+
+@pytest.mark.parametrize("name", ["collision_ok", "door_ok"])
+def test_an_interlock_that_opens_under_torque_at_rest_is_told(name):
+    rig = powered()
+    rig.drive.inputs = CLOSED
+    rig.run(0.1)
+    shows(rig, **{name: False})
+    rig.step()
+    assert rig.codes == ["INT-01" if name == "collision_ok" else "INT-07"]

@@ -259,3 +259,14 @@ def test_a_motor_that_has_cooled_is_kept_back_at_95_percent_again_and_not_at_80(
         rig.run(0.2)
         found.append(rig.codes)
     assert found == [["THM-01", "THM-03"], [], ["THM-01"], ["THM-01", "THM-03"]]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_torque_of_either_direction_warms_alike(way: float) -> None:
+    """Rated torque for one time constant: 1 - 1/e of the limit."""
+    parts = Parts()
+    thermal = MotorThermal(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.torque_nm = way * RATED_NM
+    thermal.scan(0.0)
+    thermal.scan(TAU_S)
+    assert thermal.share == pytest.approx(1.0 - math.exp(-1.0))

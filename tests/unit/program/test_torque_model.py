@@ -182,3 +182,13 @@ def test_a_load_is_known_after_a_hundred_samples_that_agree() -> None:
     for sample in range(1, 101):
         model.add(rad(3.0 * sample), rad(3.0 if sample % 2 else -3.0), 0.0, 0.0)
         assert model.learned is (sample == 100)
+
+
+@pytest.mark.parametrize(("angle_deg", "missing"), [(0.0, "sine"), (90.0, "cosine")])
+def test_a_load_of_which_one_part_was_not_seen_is_not_known(angle_deg: float, missing: str) -> None:
+    """1 deg to and fro: at 0 deg the sine is hardly seen, at 90 deg the cosine; the other one soon is."""
+    model = TorqueModel(RATIO, RATED_NM)
+    for sample in swings(20.0, width_deg=1.0, moment_nm=0.0):
+        model.add(sample.pos_rad + rad(angle_deg), *sample[1:])
+    assert not model.learned
+    assert model._cov[0][0] > model._cov[1][1] if missing == "sine" else model._cov[1][1] > model._cov[0][0]

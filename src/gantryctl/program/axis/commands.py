@@ -407,11 +407,10 @@ class MotionCommands:
         )
 
     def _check_way(self, here_rad: float, target_rad: float) -> Refusal | None:
-        travel = self._settings.travel
-        # A motion without an end.
-        if travel.endless and math.isinf(target_rad):
+        # A motion without an end: of a modulo axis, a linear one has ends.
+        if math.isinf(target_rad):
             return None
-        return check_way(here_rad, target_rad, travel, self._interlocks)
+        return check_way(here_rad, target_rad, self._settings.travel, self._interlocks)
 
     def _check_ready(self) -> Refusal | None:
         stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None

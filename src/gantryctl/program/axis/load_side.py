@@ -141,9 +141,9 @@ class LoadSide:
 
     def _next_turn(self, ref_rad: float) -> None:
         """Let the laws count from the turn that the set-point is in: an angle of theirs is one of a turn."""
-        made = round(ref_rad / _TURN) - self._turns
         # Beyond +-180 deg by a tenth of a turn: no axis that stands there goes to and fro.
-        if made and abs(ref_rad - self._turns * _TURN) > _NEXT_RAD:
+        if abs(ref_rad - self._turns * _TURN) > _NEXT_RAD:
+            made = round(ref_rad / _TURN) - self._turns
             self._turns += made
             self.laws.turn_back(made * _TURN)
 
@@ -158,10 +158,7 @@ class LoadSide:
         # An encoder of one turn on the ring shows -180 deg where the motor shows +180 deg: whole turns are no
         # disagreement of two encoders, of which the motor's counts the turns.
         apart = pos - self._feedback.pos_ring_rad
-        if abs(apart) > math.pi and math.isfinite(apart):
-            self._turn_rad = _TURN * round(apart / _TURN)
-        else:
-            self._turn_rad = 0.0
+        self._turn_rad = _TURN * round(apart / _TURN) if math.isfinite(apart) else 0.0
         return pos
 
     def begin(self) -> None:

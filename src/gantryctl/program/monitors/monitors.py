@@ -137,7 +137,7 @@ class Monitors:
         vel = feedback.vel_rad_s
         vel_ref = virtual.vel_ref_rad_s
         # Following error: the band grows with speed, 0.03 deg at rest and 0.10 deg at 6 deg/s.
-        band = self._band_base + self._band_per_speed * (vel_ref if vel_ref >= 0.0 else -vel_ref)
+        band = self._band_base + self._band_per_speed * abs(vel_ref)
         warning = band * self._warning_ratio
         if not -warning <= pos_err_rad <= warning:
             self._following_error(pos_err_rad, band, vel_cmd_rad_s)
@@ -159,7 +159,7 @@ class Monitors:
         elif self._overspeed:
             self._overspeed = 0
         # Travel: the angle, and the angle at which a quick stop would end, v|v| / 2a.
-        stop = pos_rad + vel * (vel if vel >= 0.0 else -vel) * self._look_ahead
+        stop = pos_rad + vel * abs(vel) * self._look_ahead
         if self._lead_s:
             stop += vel * self._lead_s
         low, high = self._over_travel_minus, self._over_travel_plus

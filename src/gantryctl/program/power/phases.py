@@ -66,13 +66,15 @@ class PhaseOutput(NamedTuple):
 
     Attributes:
         request: None keeps the one before.
-        way: 1 on the way up or in a brake test, -1 on the way down or stopping, else 0.
+        rising: on the way up, or in a brake test.
+        falling: on the way down, or stopping.
         torque_on: the drive must be enabled (or in its quick stop); anything else is a fault.
     """
 
     request: DriveRequest | None
     brake_open: bool
-    way: int = 0
+    rising: bool = False
+    falling: bool = False
     torque_on: bool = False
 
 
@@ -81,21 +83,21 @@ _ENABLE, _DISABLE, _STOP = DriveRequest.ENABLE, DriveRequest.DISABLE, DriveReque
 # Every row holds the load: a closed or closing brake, or an enabled drive.
 OUTPUTS: Final = {
     PowerPhase.OFF: PhaseOutput(_DISABLE, brake_open=False),
-    PowerPhase.ENABLING: PhaseOutput(_ENABLE, brake_open=False, way=1),
-    PowerPhase.PROVING: PhaseOutput(_ENABLE, brake_open=False, way=1, torque_on=True),
-    PowerPhase.SETTLING: PhaseOutput(_ENABLE, brake_open=False, way=1, torque_on=True),
-    PowerPhase.RELEASING: PhaseOutput(_ENABLE, brake_open=True, way=1, torque_on=True),
-    PowerPhase.SAG_WATCH: PhaseOutput(_ENABLE, brake_open=True, way=1, torque_on=True),
+    PowerPhase.ENABLING: PhaseOutput(_ENABLE, brake_open=False, rising=True),
+    PowerPhase.PROVING: PhaseOutput(_ENABLE, brake_open=False, rising=True, torque_on=True),
+    PowerPhase.SETTLING: PhaseOutput(_ENABLE, brake_open=False, rising=True, torque_on=True),
+    PowerPhase.RELEASING: PhaseOutput(_ENABLE, brake_open=True, rising=True, torque_on=True),
+    PowerPhase.SAG_WATCH: PhaseOutput(_ENABLE, brake_open=True, rising=True, torque_on=True),
     PowerPhase.ON: PhaseOutput(_ENABLE, brake_open=True, torque_on=True),
-    PowerPhase.CLOSING: PhaseOutput(None, brake_open=False, way=-1, torque_on=True),
-    PowerPhase.UNLOADING: PhaseOutput(None, brake_open=False, way=-1, torque_on=True),
-    PowerPhase.DISABLING: PhaseOutput(_DISABLE, brake_open=False, way=-1),
+    PowerPhase.CLOSING: PhaseOutput(None, brake_open=False, falling=True, torque_on=True),
+    PowerPhase.UNLOADING: PhaseOutput(None, brake_open=False, falling=True, torque_on=True),
+    PowerPhase.DISABLING: PhaseOutput(_DISABLE, brake_open=False, falling=True),
     PowerPhase.PARKED: PhaseOutput(_DISABLE, brake_open=False),
-    PowerPhase.QUICK_STOPPING: PhaseOutput(_STOP, brake_open=True, way=-1, torque_on=True),
-    PowerPhase.TORQUE_OFF: PhaseOutput(_DISABLE, brake_open=False, way=-1),
+    PowerPhase.QUICK_STOPPING: PhaseOutput(_STOP, brake_open=True, falling=True, torque_on=True),
+    PowerPhase.TORQUE_OFF: PhaseOutput(_DISABLE, brake_open=False, falling=True),
     PowerPhase.TORQUE_HOLD: PhaseOutput(None, brake_open=False),
-    PowerPhase.TESTING: PhaseOutput(_ENABLE, brake_open=False, way=1, torque_on=True),
+    PowerPhase.TESTING: PhaseOutput(_ENABLE, brake_open=False, rising=True, torque_on=True),
 }
-RISING: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.way > 0)
-FALLING: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.way < 0)
+RISING: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.rising)
+FALLING: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.falling)
 TORQUE_ON: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.torque_on)
