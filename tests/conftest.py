@@ -1,5 +1,6 @@
 """What every test shares: reproducible hypothesis runs and fresh ones, the oracle, and no silent skip in CI."""
 
+import atexit
 import gc
 import importlib.util
 import json
@@ -67,9 +68,9 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-def pytest_unconfigure() -> None:
-    """What is left at the end of the process, nanobind calls leaked."""
-    gc.unfreeze()
+# What is left at the end of the process, nanobind calls leaked. Not before: pytest collects several times while it
+# ends, 2 s of a processor in each worker.
+atexit.register(gc.unfreeze)
 
 
 LONGEST = (
