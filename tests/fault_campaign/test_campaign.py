@@ -12,7 +12,7 @@ from gantryctl.engineering.campaign.job import REFUSED
 from gantryctl.engineering.fault_campaign import job
 from gantryctl.engineering.fault_campaign.draw import random_scenario
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign, campaign_of
-from gantryctl.engineering.fault_campaign.matrix import Cell, cell
+from gantryctl.engineering.fault_campaign.matrix import CELLS, Cell, cell
 from gantryctl.engineering.fault_campaign.play import Played, play
 from gantryctl.engineering.fault_campaign.result import LOG_FILE, FaultResult
 from gantryctl.engineering.fault_campaign.run import CampaignEnd, run_fault_campaign
@@ -120,6 +120,9 @@ def test_cells_that_are_not_wanted_are_left_out_of_the_matrix(
         UsageError, match=r"holds another campaign \(matrix, series 1, scan 4 ms, sim alone; this one"
     ):
         FaultResult(tmp_path, campaign_of("matrix", scan_ms=4.0)).begin()
+    campaign.check_seeds(0, CELLS)
+    with pytest.raises(UsageError, match=f"cells 0 to {CELLS - 1}; runs 2 to {CELLS + 1} go beyond"):
+        campaign.check_seeds(2, CELLS)
     with pytest.raises(UsageError, match="of the matrix must be one of 1, 4, 10 ms, got 2"):
         campaign_of("matrix", scan_ms=2.0)
 

@@ -13,7 +13,7 @@ from gantryctl.engineering.fault_campaign.draw import (
     random_scenario,
     wide_scenario,
 )
-from gantryctl.engineering.fault_campaign.matrix import SCANS_MS
+from gantryctl.engineering.fault_campaign.matrix import CELLS, SCANS_MS
 from gantryctl.engineering.fault_campaign.scenario import Scenario
 from gantryctl.engineering.faults.injection import finite
 from gantryctl.engineering.faults.run import DriveKind
@@ -54,6 +54,18 @@ class FaultCampaign:
         if self.drive is not None:
             given.append(self.drive)
         return hashlib.sha256(json.dumps(given).encode()).hexdigest()
+
+    def check_seeds(self, first: int, count: int) -> None:
+        """Refuse numbers that no run has.
+
+        Raises:
+            UsageError: they go beyond the last cell of the matrix; every other kind has a run of each number.
+        """
+        if self.kind == "matrix" and first + count > CELLS:
+            raise UsageError(
+                f"the matrix has cells 0 to {CELLS - 1}; runs {first} to {first + count - 1} go beyond: give "
+                "--first and --count within it"
+            )
 
     def left_out(self, drive: DriveKind, scan_ms: float) -> str:
         """Why a run is not wanted; "" if it is."""

@@ -143,7 +143,7 @@ def report_page(tallies: Sequence[Tally], evidence: Path) -> str:
         )
     lines += [
         "",
-        "The same again: `gantryctl faults campaign` with `--kind`, `--series` and `--scan` of the row, and",
+        "The same again: `gantryctl faults campaign` with `--kind`, `--series`, `--scan` and `--drive` of the row, and",
     ]
     lines += ["`--count`; one seed: `gantryctl faults replay SEED` with the same options.", ""]
     lines += _reasons(tallies) + _broken(tallies) + _ways(tallies) + _mutation(evidence) + _coverage(evidence)

@@ -63,8 +63,9 @@ def run_fault_campaign(
         stopped: asked between chunks; what is under way then is still kept.
 
     Raises:
-        UsageError: the folder is of another campaign. StateError: it cannot be used. DeviceError: no worker is left.
+        UsageError: the folder is of another campaign, or there are no such runs. StateError: it cannot be used. DeviceError: no worker is left.
     """
+    campaign.check_seeds(*seeds)
     result, count = FaultResult(folder, campaign), seeds.size
     played = broken = 0
     with StateLock(folder, lambda: "another `faults campaign` writes this folder"):
