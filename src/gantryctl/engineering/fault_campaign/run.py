@@ -63,7 +63,8 @@ def run_fault_campaign(
         stopped: asked between chunks; what is under way then is still kept.
 
     Raises:
-        UsageError: the folder is of another campaign, or there are no such runs. StateError: it cannot be used. DeviceError: no worker is left.
+        UsageError: the folder is of another campaign, or there are no such runs. StateError: it cannot be used.
+            DeviceError: no worker is left.
     """
     campaign.check_seeds(*seeds)
     result, count = FaultResult(folder, campaign), seeds.size
