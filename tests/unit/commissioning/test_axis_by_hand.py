@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from gantryctl.commissioning import open_loop_axis
+from gantryctl.commissioning.pictures import MotionSample, motion_picture
 from gantryctl.commissioning.results import Figure, Outcome, failed, judged, passed
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
@@ -222,6 +223,14 @@ def test_a_break_off_looks_for_100_ms_of_rest_and_for_1_5_s_at_the_most(brake_op
     assert len(drive.wrote) == 1 + scans
 
 
+def test_the_time_of_a_break_off_ends_when_the_drive_is_off() -> None:
+    """The brake closes in the eleventh scan of 4 ms; then it is looked at for 100 ms."""
+    drive, axis = enabled()
+    begun = len(drive.wrote)
+    drive.spoil = lambda seen: seen._replace(brake_open=len(drive.wrote) - begun <= 11)
+    assert axis.break_off() == "torque off and brake closed after 40 ms, at +0.000 deg"
+
+
 def test_a_silence_ends_before_torque_off_is_commanded() -> None:
     """A drive that is silenced sends nothing, also no SAFE_OUTPUT."""
     drive, axis = enabled()
@@ -318,6 +327,21 @@ def test_a_person_ends_it_and_a_drive_that_was_lost_is_started_to_be_told() -> N
     assert drive.state is S.SWITCH_ON_DISABLED
 
 
+def test_a_copy_that_is_to_be_killed_hears_nobody() -> None:
+    halt = Halt()
+    axis = axis_of(HandDrive(), halt=halt)
+    halt.ask(Stop.RAMP, "stopped by anna")
+    assert axis.halted
+    axis.hear_nobody()
+    assert not axis.halted
+
+
+@pytest.mark.parametrize(("count", "drawn"), [(0, False), (1, False), (2, True)])
+def test_two_readings_make_a_picture(count: int, drawn: bool) -> None:
+    samples = [MotionSample(0.004 * k, 0.0, 0.0, 0.0, 0.0) for k in range(count)]
+    assert (motion_picture("there", samples) is not None) is drawn
+
+
 def test_a_stop_ends_also_what_is_only_shown() -> None:
     """A lamp that a person looks at, with the drive off."""
     halt, drive = Halt(), HandDrive()
@@ -325,6 +349,8 @@ def test_a_stop_ends_also_what_is_only_shown() -> None:
     lamp = SAFE_OUTPUT._replace(lamp=True)
     axis.show(lamp, 0.1)
     assert drive.wrote == [lamp] * 25
+    # Each for a scan.
+    assert axis._deadline == 25
     drive.wrote.clear()
     halt.ask(Stop.RAMP, "stopped by anna")
     with pytest.raises(StepStopped, match="stopped by anna"):

@@ -57,7 +57,10 @@ def test_the_worst_telegram_decides(
     monkeypatch: pytest.MonkeyPatch, missed: tuple[int, ...], passes: bool
 ) -> None:
     """Half of 1000 telegrams; one in a hundred may be missed."""
-    found = judged(monkeypatch, "process_data", bus_drive(0, 0, missed))
+    drive = bus_drive(0, 0, missed)
+    drive.health().late = (3, 20)  # type: ignore[attr-defined]
+    found = judged(monkeypatch, "process_data", drive)
+    assert "2.00 % late" in found.proof
     assert found.number("missed_ratio") == max(missed) / 1000
     assert (found.outcome is Outcome.PASSED) is passes
 

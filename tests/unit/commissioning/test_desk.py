@@ -13,7 +13,8 @@ from gantryctl.commissioning import Commissioning, Outcome, Step, StepResult
 from gantryctl.commissioning.in_service.board import Board
 from gantryctl.commissioning.in_service.desk import Desk
 from gantryctl.commissioning.in_service.tags import fast_tags
-from gantryctl.commissioning.watch import Seen
+from gantryctl.commissioning.watch import Seen, StepWatch
+from gantryctl.engineering.report.meter import Meter
 from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.operation.client import Stop
@@ -403,6 +404,18 @@ def test_tags_that_may_not_be_null_are_not(free_room: Room) -> None:
     assert math.isfinite(tags["armed_left_s"])
     assert tags["at_rest"] is False
     assert tags["blocked_by"] == "the axis is being commissioned: end the commissioning first"
+
+
+def test_what_a_step_sees_is_told_while_it_runs(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    watch = StepWatch(Meter(lambda line: None, 20.0, lambda: 0.0), free_room.desk.halt)
+    watch.seen = Seen(12.5, 0.25, None)
+    watch.meter.advance(5.0)
+    monkeypatch.setattr(free_room.work, "watch", watch)
+    assert (free_room.tags["pos_act_deg"], free_room.tags["commissioning_left_s"]) == (None, None)
+    free_room.begun("velocity")
+    tags = free_room.tags
+    assert (tags["pos_act_deg"], tags["vel_act_deg_s"]) == (12.5, 0.25)
+    assert tags["commissioning_left_s"] == pytest.approx(watch.meter.left_s)
 
 
 def test_the_end_is_an_order(room: Room) -> None:

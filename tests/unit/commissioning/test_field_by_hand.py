@@ -127,6 +127,7 @@ class Work:
         self.refuses = False
         self.complete = False
         self.done: list[str] = []
+        self.watchdogs: list[bool] = []
 
     def start(self, *, again: bool) -> None:
         assert not again
@@ -153,7 +154,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
         yield made
 
     monkeypatch.setattr(field, "_work", opened)
-    monkeypatch.setattr(field, "field_machine", lambda *_, **__: None)
+    monkeypatch.setattr(field, "field_machine", lambda *_, watchdog: made.watchdogs.append(watchdog))
     monkeypatch.setattr(field, "profile_of_table", lambda _: None)
     return made
 
@@ -173,6 +174,8 @@ def test_every_step_that_is_required_is_done(work: Work, whole: bool, steps: lis
     assert work.done == steps == [key for key, _ in found.steps]
     assert said == [f"  {key}: passed: seen" for key in steps]
     assert (found.commissioned, found.refused, found.needs_watchdog) == (True, (), False)
+    # A node beside the drive is there only where it was asked for.
+    assert work.watchdogs == [False]
 
 
 def test_the_first_step_that_fails_is_the_reason_and_the_last(work: Work) -> None:

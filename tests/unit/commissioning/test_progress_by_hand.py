@@ -381,6 +381,9 @@ def test_other_gains_take_away_the_record_and_every_proof_from_the_sign_on(
     kept = set(made().progress.results)
     assert {"identity", "silence", "brake", "torque"} <= kept
     assert not kept & {"sign", "velocity", "ring", "ramp", "loop", "stops", "turn", "bands"}
+    # Once more, without a record.
+    void_control_proofs(MACHINE, work.store)
+    assert set(made().progress.results) == kept
 
 
 def test_a_result_has_the_time_of_the_axis_and_of_the_person(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import with_values
 from gantryctl.operation.ledger.rows import SILENT_STOP_S
-from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, context, enabled, opens
+from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, axis_of, context, enabled, opens
 
 pytestmark = pytest.mark.can
 
@@ -118,6 +118,7 @@ def test_a_watchdog_has_acted_when_its_contact_says_so(
     passes = closed is False or (closed is None and not own)
     assert (result is None) is passes
     assert len(proofs) == passes
+    assert all(proof.startswith(f"{silence.Way.COMMANDS} silent: left operation enabled") for proof in proofs)
     assert result is None or result.outcome is Outcome.FAILED
 
 
@@ -135,6 +136,42 @@ def test_the_proof_is_kept_with_the_drive_and_its_marker(monkeypatch: pytest.Mon
     object.__setattr__(c, "store", SimpleNamespace(directory=None))
     assert steps_silence._keep_proof(c) == 7
     assert did == ["quiet", "marked", ("here", "maker 1", 7)]
+
+
+def test_a_relay_has_one_silence_to_show_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of everything; the time of its setting counts where it was quicker."""
+    drive = HandDrive()
+    silences = Silences(monkeypatch, drive, ())
+    drive.beside = SimpleNamespace(  # type: ignore[attr-defined]
+        inputs=SimpleNamespace(watchdog_contact=lambda: True), ask_watchdog_contact=lambda: False, io=None
+    )
+    dog = steps_silence._Watchdog(
+        "the relay", (steps_silence._Fall("watchdog", tuple(silence.Way), 0.08),), ""
+    )
+    monkeypatch.setattr(steps_silence, "_watchdog_of", lambda *_: dog)
+    found = steps_silence.watchdog(context())
+    assert (found.outcome, found.number(SILENT_STOP_S)) == (Outcome.PASSED, 0.08)
+    assert found.proof.startswith("all silent: left operation enabled")
+    assert silences.did == [(tuple(silence.Way), 0.08), "awake", "kept"]
+
+
+@pytest.mark.parametrize(
+    ("looks", "silent_data", "age", "by_telegram"),
+    [
+        (False, False, 0, True),
+        (False, False, 1, False),
+        (False, True, 0, False),
+        (True, True, 0, True),
+        (True, True, 1, False),
+    ],
+)
+def test_only_a_telegram_of_this_scan_shows_a_silent_drive(
+    looks: bool, silent_data: bool, age: int, by_telegram: bool
+) -> None:
+    drive = HandDrive()
+    view = silence._View(axis_of(drive))
+    view.looks, drive.silent_process_data, drive.process.age = looks, silent_data, age
+    assert view._by_telegram is by_telegram
 
 
 # --- silence, scan by scan --------------------------------------------------------------------------------------------

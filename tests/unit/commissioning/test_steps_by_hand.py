@@ -251,7 +251,22 @@ def test_only_a_brake_that_the_controller_keeps_closed_is_tested(
     changes = {"brake.owner": owner}
     if owner == "controller_output":
         changes |= {"can.outputs.brake_release": 16}
-    assert (untestable(with_values(MACHINE, changes), preload) is None) is testable
+    machine = with_values(MACHINE, changes)
+    assert (untestable(machine, preload) is None) is testable
+    if owner == "drive":
+        for run in (steps_power.brake, steps_lacks.torque):
+            found = run(context(machine))
+            assert (found.outcome, found.proof) == (Outcome.NOT_TESTABLE, str(untestable(machine)))
+
+
+@pytest.mark.parametrize("missing", [(), (0x6080,), (0x6072, 0x6080)])
+def test_a_drive_without_limits_is_told_with_what_stops_it(step: Any, missing: tuple[int, ...]) -> None:
+    drive = sign_drive()
+    for index in missing:
+        del drive.sdo.values[index]
+    names = ", ".join(f"{index:04X}" for index in missing)
+    told = f"; no {names} in this drive: torque off at 0.05 deg or 0.2 deg/s"
+    assert step(steps_sign, "sign", drive).proof.endswith(told) is bool(missing)
 
 
 # --- the torque limit of the maker's tool -----------------------------------------------------------------------------
@@ -297,6 +312,8 @@ def test_of_two_pushes_the_weaker_is_what_the_limit_was_shown_to_be(step: Any) -
     drive.spoil = lambda seen: seen._replace(torque_act_nm=max(seen.torque_act_nm, -26.0))
     found = step(steps_lacks, "torque", drive, brake=braked())
     assert (found.outcome, found.number(TORQUE_LIMIT_NM)) == (Outcome.PASSED, 26.0)
+    assert found.number("pushed_least_nm") == 26.0
+    assert found.number("pushed_most_nm") == pytest.approx(28.02, abs=0.05)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

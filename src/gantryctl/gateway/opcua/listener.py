@@ -77,7 +77,7 @@ class Connection(asyncio.Protocol):
         self._data += data
         while len(self._data) >= _CHUNK.size:
             kind, part, size = _CHUNK.unpack_from(self._data)
-            if part not in _KINDS.get(kind, b"") or not part:
+            if part not in _KINDS.get(kind, b""):
                 return self.refuse(ua.StatusCodes.BadTcpMessageTypeInvalid)
             if not _CHUNK.size < size <= self._listener.wall.limits.max_recv_buffer:
                 return self.refuse(ua.StatusCodes.BadTcpMessageTooLarge)
