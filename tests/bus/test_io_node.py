@@ -221,6 +221,20 @@ def test_without_the_relay_such_a_drive_goes_on(oracle: Oracle) -> None:
     rig.engine.close()
 
 
+@pytest.mark.parametrize("relay", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_relay_takes_the_torque_of_a_drive_that_keeps_it(relay: bool) -> None:
+    """D3: told after 0.2 s; no edges from then on, so the relay opens 0.1 s later. Without one the torque stays."""
+    machine = io_machine(changes={"can.io.outputs.watchdog": 20} if relay else {})
+    rig = BusRig(machine, 60.0).power_up()
+    rig.inject("stuck_state", value=True)
+    rig.command(power=False)
+    rig.until(lambda: "DRV-03" in rig.codes, 3.0)
+    rig.run(0.2)
+    assert (rig.ticks[-1].state is State.SWITCH_ON_DISABLED) is relay
+    assert not rig.ticks[-1].brake_open
+    rig.engine.close()
+
+
 def test_the_brake_test_works_with_an_output_of_the_controller() -> None:
     rig = BusRig(io_machine(), 20.0)
     rig.run(0.2)

@@ -11,10 +11,12 @@ from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.engineering.fault_campaign.draw import pair_scenario
 from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
+from gantryctl.engineering.fault_campaign.scenario import Action, PlannedFault, Scenario
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.power.hold_watch import HoldWatch
@@ -113,3 +115,46 @@ def test_a_winding_that_is_too_hot_is_judged_from_its_alarm(monkeypatch: pytest.
     assert _violations("G12", Phase.DECELERATION, 6.0, 135.0) == []
     _only_warn(monkeypatch, Code.THM_04)
     assert _violations("G12", Phase.CRUISE, 6.0, 135.0)
+
+
+def _powers_by_level(patch: pytest.MonkeyPatch) -> None:
+    """Enable that stands before a reset switches on behind it."""
+    true = Power.__call__
+
+    def call(self: Power, *, enable: bool) -> None:
+        true(self, enable=enable)
+        if enable and self.axis.is_off:
+            self.axis.power_on()
+
+    patch.setattr(Power, "__call__", call)
+
+
+@pytest.mark.parametrize("power_s", [5.0, 5.004])
+def test_power_is_asked_for_behind_a_reset_in_a_later_scan_than_it(
+    power_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The alarms clear in the scan after the reset; power that is asked for there has been asked for behind it."""
+    deeds = (
+        Action(at_s=0.2, do="power"), Action(at_s=2.4, do="quick_stop", for_s=0.2), Action(at_s=4.0, do="power_off"),
+        Action(at_s=5.0, do="reset"), Action(at_s=power_s, do="power"),
+    )  # fmt: skip
+    scene = Scenario(actions=deeds, duration_s=6.0)
+    assert play(scene).ok
+    _powers_by_level(monkeypatch)
+    assert play(scene).ok is (power_s > 5.0)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_stuck_drive_that_a_wrong_sign_drives_through_its_brake_must_be_told(
+    told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """D3 with A15b: 385 N m against a closed brake, and no relay in the supply of a drive in process."""
+    deeds = (
+        Action(at_s=0.2, do="power"),
+        Action(at_s=2.4, do="move", target_deg=5.0, speed_deg_s=1.0),
+    )
+    faults = (PlannedFault(number="D3", at_s=3.0), PlannedFault(number="A15b", at_s=5.0))
+    if not told:
+        monkeypatch.setattr(PowerSequence, "_torque_kept", lambda self, limit: None)
+    played = play(Scenario(actions=deeds, faults=faults, duration_s=6.0))
+    assert ("INV-1" in {each.invariant for each in played.violations}) is not told

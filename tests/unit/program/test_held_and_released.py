@@ -158,17 +158,36 @@ def test_a_slip_behind_a_stop_is_not_one_of_the_hand_over_before_it():
 
 @pytest.mark.parametrize("state", [DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE])
 def test_a_drive_that_keeps_its_torque_is_not_off(state):
-    """It is told 350 ms after the brake was shut."""
+    """It is told 200 ms after it was told to be off; in ErrorStop it cannot be reset before it is."""
     rig = Rig(config=settings(**HOLDS))
     rig.power_up()
     rig.op(power=False)
     rig.until(lambda: rig.axis.power.phase is P.DISABLING, 2.0)
     rig.spoil = lambda drive: drive._replace(state=state)
-    rig.run(0.3)
+    rig.run(0.18)
     assert not rig.axis.is_off
     assert rig.codes == []
     rig.run(0.1)
     assert rig.codes == ["DRV-03"]
+    rig.run(2.0)
+    refused = rig.axis.reset(service=True)
+    assert refused is not None
+    assert "still enabled" in refused.text
+    rig.spoil = None
+    rig.run(0.1)
+    assert rig.axis.reset() is None
+
+
+def test_a_drive_that_keeps_its_torque_behind_a_stop_is_told():
+    """The emergency stop is the first alarm; that the torque is not off follows 200 ms later."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.power_up()
+    rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED)
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.run(0.18)
+    assert rig.codes == ["INT-03"]
+    rig.run(0.1)
+    assert rig.codes == ["INT-03", "DRV-03"]
 
 
 # --- the brake test ---------------------------------------------------------------------------------------------------

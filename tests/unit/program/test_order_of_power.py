@@ -74,16 +74,16 @@ def test_the_brake_is_closed_in_every_scan_before_the_drive_is_disabled(stop):
 
 
 @PERIODS
-@pytest.mark.parametrize("way", ["up", "down", "release"])
+@pytest.mark.parametrize("way", ["up", "down", "down by itself", "release"])
 def test_a_drive_or_a_brake_that_does_not_follow_is_told_in_the_scan_after_its_time(period_s, way):
     """2 s to be enabled; 100 ms to open, and 300 ms for the contact.
 
-    To be disabled 350 ms from the way down on, whose first scan has closed the brake: in the scan after them a drive
-    that owns its brake is told to take its torque off.
+    To be disabled 200 ms; of a drive that closes its brake by itself 350 ms from the way down on, whose first scan has
+    begun that: in the scan after them it is told to take its torque off.
     """
-    rig = Rig(config=settings(period_s=period_s))
+    rig = Rig(config=settings(period_s=period_s, brake_by_drive=way == "down by itself"))
     rig.run(2.0 * period_s)
-    if way == "down":
+    if way.startswith("down"):
         rig.power_up()
         rig.op(power=False)
         rig.until(lambda: rig.axis.power.phase is P.DISABLING)
@@ -96,7 +96,12 @@ def test_a_drive_or_a_brake_that_does_not_follow_is_told_in_the_scan_after_its_t
     start = rig.scan
     rig.until(lambda: bool(rig.codes), 3.0)
     release_s = in_scans(0.1, period_s) + in_scans(0.3, period_s)
-    limit_s = {"up": 2.0, "down": in_scans(0.35, period_s) - 2.0 * period_s, "release": release_s}[way]
+    limit_s = {
+        "up": 2.0,
+        "down": in_scans(0.2, period_s) - period_s,
+        "down by itself": in_scans(0.35, period_s) - 2.0 * period_s,
+        "release": release_s,
+    }[way]
     assert (rig.scan - start) * period_s == approx(limit_s + period_s)
     assert rig.codes == (["BRK-01"] if way == "release" else ["DRV-03"])
 

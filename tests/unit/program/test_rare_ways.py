@@ -110,8 +110,7 @@ def test_a_drive_that_stays_enabled_is_told():
     start = rig.scan
     rig.until(lambda: bool(rig.codes), 3.0)
     assert rig.codes == ["DRV-03"]
-    # The closing time of a brake that the drive owns, and 0.2 s: then the torque may go before that brake.
-    assert (rig.scan - start) * rig.period_s == pytest.approx(0.35, abs=0.002)
+    assert (rig.scan - start) * rig.period_s == pytest.approx(0.2, abs=0.002)
     assert rig.output.request is DriveRequest.DISABLE
 
 

@@ -58,6 +58,8 @@ _CHANGED: Final = LATCHED | LinkFlag.WRONG_MODE | LinkFlag.STALE_TARGET | LinkFl
 _FOLLOWS_WITHIN_S: Final = 1.0
 # Scans without any answer to SYNC after which a stop is asked for by SDO as well.
 _SILENT_SCANS: Final = 2
+# A sound drive shows after two or three scans that its torque is off; the program tells people of one that does not.
+_TORQUE_KEPT_S: Final = 0.2
 _SILENT_ANSWER_S: Final = 0.1
 _REST_RAD_S: Final = 0.02
 # Time for the frames that wait before SYNC; the answers and the program need the rest of the scan. A frame of UDP
@@ -138,7 +140,7 @@ class CanopenDrive:
         self._supervision = Supervision(node, self.process, self.requests, settings)
         self._brake, self._controlword = BrakeControl(settings), DISABLE_VOLTAGE
         self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
-        self._flags, self._enabling = LinkFlag.NONE, 0
+        self._flags, self._enabling, self._torque_kept = LinkFlag.NONE, 0, 0
         node.state = None
         node.forget_boots()
         node.emergencies.code = opened.error_code
@@ -257,6 +259,15 @@ class CanopenDrive:
             min(self.settings.answer_s, _SILENT_ANSWER_S) if self.process.silence else self.settings.answer_s
         )
 
+    def _obeys(self, state: DriveState) -> bool:
+        """False from where a drive keeps its torque against its command, until the next one: a relay takes it."""
+        kept_max = round(_TORQUE_KEPT_S / self.settings.period_s)
+        if self._controlword != DISABLE_VOLTAGE:
+            self._torque_kept = 0
+        elif self._torque_kept <= kept_max:
+            self._torque_kept = self._torque_kept + self._passed if state in TURNING else 0
+        return self._torque_kept <= kept_max
+
     def write(self, output: OutputImage) -> None:
         """Send the command of this scan, which acts at the next SYNC."""
         if self._closed:
@@ -282,7 +293,7 @@ class CanopenDrive:
         vel = output.vel_cmd_rad_s if enabled else 0.0
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
-            self.beside.send(output, self._brake.released, not lost)
+            self.beside.send(output, self._brake.released, not lost and self._obeys(state))
             outputs = self.beside.outputs.drive_word
             # Behind one missing SYNC answer there may be a drive that takes no commands either.
             if self.silent_heartbeat:

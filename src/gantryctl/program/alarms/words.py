@@ -237,6 +237,10 @@ class Words(Enum):
         "the drive is in fault or its state is unknown: reset first",
         "驱动器故障或状态未知：请先复位",
     )
+    TORQUE_STILL_ON = (
+        "the drive is still enabled against its command: take its supply off",
+        "驱动器违反指令仍处于使能状态：请切断其供电",
+    )
     DRIVE_KEEPS_FAULT = "the drive keeps its fault: read its display", "驱动器故障仍在：查看其显示"
     ENCODER_KEEPS_ALARM = (
         "the encoder still reports its alarm: clear it there first",

@@ -9,7 +9,7 @@ from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
-from gantryctl.program.feedback import FAULTS, Feedback
+from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
 from gantryctl.program.power.phases import TORQUE_ON, PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
@@ -255,6 +255,8 @@ class Recovery:
         # Reset never shortens a stop that is under way.
         if self._power.falling:
             reason: Words | Said = Words.STILL_STOPPING
+        elif self._power.phase is PowerPhase.OFF and feedback.state in ENABLED:
+            reason = Words.TORQUE_STILL_ON
         elif first is not None and first.scan == self._alarms.scan:
             # Sent before anybody could see it: what it was to acknowledge was something else.
             reason = Words.JUST_RAISED(code=first.code)

@@ -25,8 +25,9 @@ from gantryctl.units import deg
 # Without a valid position the end of a brake stop is judged by time alone.
 _BLIND_STOP_S: Final = 1.5
 _UNLOAD_STEPS: Final = 3
-# Beyond the closing time of the brake: a drive that owns it is then told to take the torque off at once, whether it has
-# closed the brake or not (`drives.canopen.brake`), so people are told in the same scan. Of fault D3: 0.4 s in all.
+# A sound drive shows after two or three scans that its torque is off. One that owns its brake has the closing time of
+# that more on an orderly way down: then it is told to take the torque off at once, whether it has closed the brake or
+# not (`drives.canopen.brake`), so people are told in the same scan. Of fault D3: 0.4 s in all.
 _DISABLED_S: Final = 0.2
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ON: Final = PowerPhase.ON
@@ -61,6 +62,7 @@ class PowerSequence:
         "_close_scans",
         "_count",
         "_disabled_scans",
+        "_disabling_scans",
         "_drive_owns_brake",
         "_feedback",
         "_hold_watch",
@@ -102,8 +104,13 @@ class PowerSequence:
         self._period_s = settings.period_s
         self._power_up_scans = settings.scans(power.power_up_time_s)
         self._close_scans = settings.scans(power.brake_close_time_s)
+        self._disabled_scans = settings.scans(_DISABLED_S)
         # CLOSING has taken a scan of it where the drive owns the brake.
-        self._disabled_scans = settings.scans(power.brake_close_time_s + _DISABLED_S) - 1
+        self._disabling_scans = (
+            settings.scans(power.brake_close_time_s + _DISABLED_S) - 1
+            if power.brake_by_drive
+            else self._disabled_scans
+        )
         feedback_scans = settings.scans(power.brake_feedback_time_s)
         self._close_late_scans = self._close_scans + feedback_scans
         self._open_late_scans = settings.scans(power.brake_open_time_s) + feedback_scans
@@ -415,11 +422,17 @@ class PowerSequence:
     def _disabling(self, _pos_rad: float) -> None:
         if self._feedback.state not in ENABLED:
             self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
-        elif self._count >= self._disabled_scans:
+        else:
+            self._torque_kept(self._disabling_scans)
+
+    def _torque_kept(self, limit: int) -> None:
+        """Raise DRV-03 for a drive that shows after so many scans that it has not taken its torque off."""
+        if self._feedback.state in ENABLED and self._count >= limit:
             self._stuck(DriveState.SWITCH_ON_DISABLED)
 
     def _off(self, pos_rad: float) -> None:
         """Watch the closed brake with torque off; clear drive faults when asked."""
+        self._torque_kept(self._disabled_scans)
         self.request = DriveRequest.FAULT_RESET if self.fault_reset else DriveRequest.DISABLE
         # Within the watch after unloading it is the brake that did not hold (C3), later one that gave way (C4).
         late = not self._unloaded or self._count > self._slip_scans
@@ -457,6 +470,7 @@ class PowerSequence:
 
     def _torque_off(self, _pos_rad: float) -> None:
         self.wear.scan()
+        self._torque_kept(self._disabled_scans)
         elapsed_s = self._count * self._period_s
         if not self._feedback.position_valid:
             if elapsed_s > _BLIND_STOP_S:

@@ -96,6 +96,17 @@ def nothing_holds(cases: Sequence[FaultCase]) -> bool:
     return bool(weak) and any(case.reaction in _TAKES_TORQUE for case in cases if case not in weak)
 
 
+def driven_on(cases: Sequence[FaultCase]) -> bool:
+    """A drive that obeys nothing, and a spoilt reading: all of its torque drives the shaft through the closed brake.
+
+    385 N m against the 380 N m that a brake may have. Only its supply ends it, and a relay in that where one is wired.
+    """
+    stuck = any(
+        (each.where, each.kind) == (Place.DRIVE, "stuck_state") for case in cases for each in case.injections
+    )
+    return stuck and any(effect_of(each).feedback for case in cases for each in case.injections)
+
+
 def shows_no_motion(case: FaultCase) -> bool:
     """The reading stands whatever the shaft does."""
     return any(

@@ -7,6 +7,7 @@ from typing import Final
 
 from gantryctl.engineering.fault_campaign.judging.effects import (
     LOAD_MOVES,
+    driven_on,
     may_come_first,
     nothing_holds,
     reaches_nobody,
@@ -51,7 +52,7 @@ class Judge:
         # Which row each injection belongs to: equal injections of two rows act for both.
         self._rows = [(each, fault) for fault in scenario.faults for each in fault.injections()]
         self._quick_stop_asked = any(action.do == "quick_stop" for action in scenario.actions)
-        self._told_of_load = False
+        self._told_of_load = self._told_of_torque = False
         self._begun: list[PlannedFault] = []
         self._way: Way | None = None
         self._ways: list[Way] = []
@@ -107,6 +108,7 @@ class Judge:
     def alarm(self, alarm: Alarm) -> None:
         """An alarm has come."""
         self._told_of_load = self._told_of_load or alarm.code in LOAD_MOVES
+        self._told_of_torque = self._told_of_torque or alarm.code is Code.DRV_03
         stops = alarm.reaction >= Reaction.QUICK_STOP
         if stops and alarm.follows is None:
             self.stops.append(alarm.code.value)
@@ -119,7 +121,10 @@ class Judge:
     @property
     def nothing_holds(self) -> bool:
         """Nothing is left that could hold the load, and people have been told, or the reading cannot show it."""
-        return (self._told_of_load or self.blind) and nothing_holds(self._cases)
+        can = self._bench.machine.can
+        relay = any(can.output_place(name) for name in ("watchdog", "drive_enable"))
+        driven = self._told_of_torque and not relay and driven_on(self._cases)
+        return driven or ((self._told_of_load or self.blind) and nothing_holds(self._cases))
 
     @property
     def blind(self) -> bool:

@@ -37,6 +37,7 @@ class Asked:
         self._settled, self._told = settled, told
         self.levels = OperatorCommand()
         self.until_ms = self._power_until = -1.0
+        self._reset_ms = self._power_ms = -1
         self.target: float | None = None
         self.at_target_ms = 0
         self.brake_test = False
@@ -56,7 +57,9 @@ class Asked:
         if renewed:
             self._lease_ms = now
         if op.power and not last.power:
-            self._power_until = math.inf
+            self._power_until, self._power_ms = math.inf, now
+        if op.reset and not last.reset:
+            self._reset_ms = now
         self.brake_test = self.brake_test or (op.brake_test and not last.brake_test)
         stopping = (op.stop and not last.stop) or (op.halt and not last.halt) or (last.power and not op.power)
         self._halted = self._halted or stopping
@@ -141,5 +144,9 @@ class Asked:
         self.until_ms = self._power_until = -1.0
 
     def reset(self) -> None:
-        """After a reset power has to be asked for anew."""
-        self._power_until = -1.0
+        """After a reset power has to be asked for anew.
+
+        A reset takes a scan: what is asked for in that scan is asked for behind it (seed 41897).
+        """
+        if not 0 <= self._reset_ms < self._power_ms:
+            self._power_until = -1.0

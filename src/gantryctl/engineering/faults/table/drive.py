@@ -42,13 +42,15 @@ DRIVE: Final = (
     Row(
         "D3",
         "Drive stuck in a state",
-        "wanted state not reached within [monitors] power_up_time_ms; on the way down within the closing time of the "
-        "brake and 0.2 s",
-        "torque off; the brake stays closed; nothing is tried again by itself",
+        "wanted state not reached within [monitors] power_up_time_ms; torque off not shown after 0.2 s, on the way "
+        "down of a drive that closes its brake by itself after that time and 0.2 s",
+        "torque off; the brake stays closed; nothing is tried again by itself; no reset while it has torque, which a "
+        "watchdog or enable relay takes",
         (Code.DRV_03,),
         (
             *at("unit/program/test_power.py", "test_drive_stuck_on_the_way_up"),
             *at("unit/program/test_rare_ways.py", "test_a_drive_that_stays_enabled_is_told"),
+            *at("bus/test_io_node.py", "test_a_relay_takes_the_torque_of_a_drive_that_keeps_it"),
         ),
     ),
     Row(
