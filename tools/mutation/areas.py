@@ -16,6 +16,7 @@ AREAS: Final[dict[str, tuple[str, ...]]] = {
     "commissioning": ("commissioning/**/*.py",),
     "service/command": ("service/command/**/*.py",),
     "service/controller": ("service/controller/*.py",),
+    "service/clients": ("service/clients/*.py", "service/memory/*.py"),
     "recorder": ("service/recorder/**/*.py",),
     "gateway": ("gateway/*.py", "gateway/opcua/*.py"),
     "accuracy": (

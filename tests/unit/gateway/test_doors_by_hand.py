@@ -90,6 +90,15 @@ def test_a_route_asks_for_its_role(
     assert (None if answer is None else answer.status_code) == status
 
 
+def test_a_password_that_is_too_long_costs_no_check(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    """256 characters are looked at, one more is not."""
+    asked: list[int] = []
+    monkeypatch.setattr(access.users, "check", lambda _, password: asked.append(len(password)))
+    for length in (256, 257):
+        assert asyncio.run(access._check("operator", "x" * length)) is None
+    assert asked == [256]
+
+
 @pytest.mark.parametrize(
     ("headers", "status"),
     [

@@ -391,8 +391,9 @@ def test_a_brake_without_a_contact_shows_what_it_must_have_done(desk: Desk) -> N
 
 
 def test_nothing_is_recorded_without_a_number(desk: Desk) -> None:
-    desk.controller._recorder.number = 0
-    assert published(desk)["recording"] is False
+    for number in (0, 1):
+        desk.controller._recorder.number = number
+        assert published(desk)["recording"] is bool(number)
 
 
 # --- other axes -------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -433,3 +434,51 @@ def test_the_process_takes_its_option_and_ends_with_a_signal(
     assert process.main([str(memory.handle), str(config), wanted, str(tmp_path), *options]) == 3
     assert [(each.second_person, each.ended) for each in made] == [(bool(options), 3)]
     memory.close()
+
+
+def test_a_run_tells_its_start_and_its_end_and_what_its_recordings_hold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    delivered()
+    with opened() as desk:
+        controller, scanned = desk.controller, []
+        usual = controller.retainer.scan
+        controller.retainer.scan = lambda: (scanned.append(desk.engine.scan), usual())[1]  # type: ignore[method-assign]
+        seen: list[int] = []
+        look = controller._watch
+
+        def watch() -> None:
+            look()
+            seen.append(desk.engine.scan)
+            if len(seen) == 60:
+                controller.end()
+
+        monkeypatch.setattr(controller, "_watch", watch)
+
+        def fails(*_: object) -> None:
+            raise DeviceError("no space left")
+
+        monkeypatch.setattr(retaining, "keep_machine", fails)
+        counted: list[str] = []
+        monkeypatch.setattr(desk.operator.refusals, "close", lambda: counted.append("written"))
+        assert controller.run(real_time=True) == 0
+        # Refusals that were only counted so far.
+        assert counted == ["written"]
+        assert scanned == seen
+        assert len(seen) == 60
+        told = texts(desk.memory)
+        assert told[0] == f"controller started: {MACHINE.name}"
+        assert told[-2:] == [
+            "the state was not kept: no space left",
+            "controller ended at 0.000 deg, brake closed, torque off",
+        ]
+        assert desk.memory.words[Word.CONTROLLER_CLEAN] == 1
+        about = json.loads(desk.memory.columns.read() or b"{}")
+        assert about["columns"] == list(controller._recorder.columns)
+        metadata = about["metadata"]
+        assert (metadata["machine"], metadata["period_s"]) == (MACHINE.name, 0.001)
+        # 5 % of 257 N m.
+        assert metadata["rest_band_torque_act_nm"] == pytest.approx(12.85)
+        tags = json.loads(desk.memory.slow.read() or b"{}")
+        assert tags["real_time"] is True
+        assert tags["version"] == metadata["version"] != ""

@@ -97,6 +97,9 @@ def test_bounds_are_twice_what_the_intervals_may_be_wrong_by() -> None:
     assert found.backlash_bound_rad == approx(3.2e-5)  # beyond the gap itself
     assert found.lost_motion_bound_rad == approx(2e-6)
     assert watched(left_out="stiffness_nm_per_rad").scale_bound_rad == math.inf
+    # At least a part of all friction at 6 deg/s: 10 kN m and 50 kN m s/rad times 0.10472 rad/s.
+    machine = with_values(BARE, {WATCH + "friction_ratio": 0.1})
+    assert watched(machine).friction_bound_nm == approx(1523.599, rel=1e-6)
 
 
 @pytest.mark.parametrize(("least_deg", "bound"), [(0.0001, 3.2e-5), (0.001, 4.745329e-5)])

@@ -8,12 +8,17 @@ from typing import Any
 
 import pytest
 
+from gantryctl.drives.od.object_table import read_objects_of
+from gantryctl.drives.profiles.dictionary import profile_of_table
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.wiring import canopen, simulator, virtual, virtual_nodes
+from gantryctl.wiring.bus_log import logged_links
 from gantryctl.wiring.canopen import can_link, canopen_drive, read_only_drive, reset_drive_fault
-from gantryctl.wiring.virtual import drive_hardware, drive_kind
+from gantryctl.wiring.engine import build_program
+from gantryctl.wiring.virtual import as_in_table, drive_hardware, drive_kind
+from support.modulo_machine import modulo_machine
 
 REAL = {"can.interface": "socketcan", "can.channel": "can7", "can.node": 5, "can.master_node": 9}
 
@@ -90,6 +95,10 @@ def test_only_an_interface_of_the_kernel_has_counters(can: Machine, bench: Bench
     can_link(with_values(can, {"can.interface": "pcan", "can.channel": "PCAN_USBBUS1"}))
     assert bench.links[-1]["counters"] is None
     assert bench.counted == []
+    # Without a channel the interface has one of its own.
+    can_link(with_values(can, {"can.interface": "pcan", "can.channel": ""}))
+    assert bench.buses[-1][:2] == ("pcan", None)
+    assert bench.links[-1]["log"] == ("log", "pcan", False)
 
 
 @pytest.mark.parametrize("fails", [DeviceError("no can7"), KeyboardInterrupt()])
@@ -167,6 +176,52 @@ def test_a_virtual_drive_of_the_file_has_the_quirks_that_are_asked_for_too(can: 
     assert drive_kind(machine).name == "lagging+rpm"
 
 
+def test_a_drive_of_the_field_has_its_plate_its_modes_and_its_units(can: Machine) -> None:
+    table = read_objects_of(virtual.shipped_objects(), "maxon EPOS4 0x1018")
+    made, profile = as_in_table(drive_kind(can), table, can), profile_of_table(table)
+    assert profile is not None
+    assert (0x1018, 1, profile.match.vendor) in made.defaults
+    # No mode, and those of the profile that a virtual drive has.
+    assert made.modes[0] == 0
+    assert set(made.modes) - {0} <= set(profile.modes)
+    assert (made.ramp_unit, made.ramp_size) == (profile.units.ramp, profile.units.ramp_size)
+    assert made.counts_per_turn == can.can.increments_per_turn
+
+
+def test_what_a_virtual_drive_and_its_master_send_is_logged_with_its_own_time(can: Machine) -> None:
+    heard: list[tuple[float, int, bool]] = []
+    log: Any = SimpleNamespace(
+        link=lambda channel, *, virtual: (
+            lambda time_s, can_id, data, sent: heard.append((time_s, can_id, sent))
+        )
+    )
+    with logged_links(log):
+        link, drive, _ = virtual.virtual_bus(can)
+        link.send(0x80, b"")
+        link.close()
+    assert (pytest.approx(drive.time_us * 1e-6, abs=0.1), 0x80, True) in heard
+
+
+def test_a_speed_whose_unit_nobody_knows_counts_no_increments(
+    can: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Unknown:
+        velocity_unit, profile = "r/min", None
+
+        @property
+        def speed_in_increments(self) -> bool:
+            raise DeviceError("no unit")
+
+    for settings, counts in (
+        (Unknown(), False),
+        (SimpleNamespace(velocity_unit=None, profile=None, speed_in_increments=True), False),
+        (SimpleNamespace(velocity_unit="inc/s", profile=None, speed_in_increments=True), True),
+    ):
+        made: Any = SimpleNamespace(of_drive=lambda _, found=settings: found)
+        monkeypatch.setattr(canopen, "canopen_settings", lambda _, made=made: made)
+        assert canopen.counts_increments(can, None) is counts  # type: ignore[arg-type]
+
+
 def test_the_state_of_a_virtual_axis_without_ends_is_turned_back(
     can: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -226,3 +281,25 @@ def test_an_ideal_axis_goes_on_where_it_was() -> None:
         (simulator.ideal_drive(machine, 30.0, {"pos_ideal": 0.5}), 0.5),
     ):
         assert drive.read().pos_act_counts - middle == pytest.approx(at_rad * per_rad, rel=1e-6)
+
+
+@pytest.mark.parametrize("side", ["roller", "motor"])
+def test_without_coulomb_friction_there_is_no_friction(side: str) -> None:
+    """The element divides by it."""
+    for coulomb_nm, there in ((5.0, True), (0.0, False)):
+        changes = {f"plant.{side}_friction.{name}_nm": coulomb_nm for name in ("coulomb", "breakaway")}
+        found = simulator.plant_params(with_values(default_machine(), changes))
+        assert getattr(found, f"{side}_friction") is there
+
+
+def test_a_state_without_an_angle_is_turned_back_by_nothing() -> None:
+    machine = modulo_machine()
+    for state in ({"pos_load": math.nan, "count_offset": 1.0}, {"count_offset": 1.0}):
+        assert simulator.turned_back(machine, state)["count_offset"] == 1.0
+
+
+def test_plans_are_kept_only_where_they_are_asked_for() -> None:
+    machine = default_machine()
+    drive = simulator.sim_drive(machine)
+    assert [build_program(machine, drive).axis.virtual.keep_plans] == [False]
+    assert build_program(machine, drive, keep_plans=True).axis.virtual.keep_plans
