@@ -12,11 +12,13 @@ import pytest
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
-from gantryctl.service.recorder import process
+from gantryctl.service.recorder import frame_writer, process
 from gantryctl.service.recorder.journal.mirror import SystemFile
 from gantryctl.service.recorder.process import Note
 from gantryctl.service.recorder.retention import RetentionPolicy
-from gantryctl.service.recorder.row_filter import _differ
+from gantryctl.service.recorder.row_filter import RowFilter, _differ
+from gantryctl.service.recorder.trace_writer import TraceWriter
+from gantryctl.trace.frames.recorder import LogParts
 
 
 class Bench:
@@ -256,3 +258,35 @@ def test_a_mirror_is_no_link_to_another_file_and_is_gone_in_children(tmp_path: P
     made.write(2, b"ab")
     made.close()
     assert file.read_bytes() == b"..ab"
+
+
+def test_frames_have_the_time_of_day_and_the_parts_of_the_policy(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """1000 s on the clock of the computer are 400 s on that of the frames: theirs began at 600."""
+    made: list[Any] = []
+    monkeypatch.setattr(frame_writer, "FrameRecorder", lambda log, **how: made.append((log, how)))
+    monkeypatch.setattr(frame_writer, "time", SimpleNamespace(time=lambda: 1000.0, monotonic=lambda: 400.0))
+    memory: Any = SimpleNamespace(frames=None)
+    policy = RetentionPolicy(bus_log_mb=3, bus_logs=4)
+    frame_writer.FrameWriter(memory, tmp_path, tmp_path / "a.log", lambda: 2**40, policy, print)
+    assert made == [(tmp_path / "a.log", {"parts": LogParts(3 * 2**20, 4), "epoch_s": 600.0})]
+
+
+@pytest.mark.parametrize(
+    ("closing", "number", "file", "in_use"),
+    [(False, 5, 5, True), (False, 5, 4, False), (False, 0, 4, False), (True, 5, 4, True)],
+)
+def test_the_recording_under_way_and_what_is_being_closed_are_in_use(
+    closing: bool, number: int, file: int, in_use: bool
+) -> None:
+    """All others may go for want of room."""
+    writer: Any = object.__new__(TraceWriter)
+    writer._closing, writer._number = SimpleNamespace(under_way=closing), number
+    assert writer._in_use(Path(f"service-{file:06d}-20260101T000000000.parquet")) is in_use
+
+
+def test_rows_that_a_killed_recorder_has_written_are_left_out() -> None:
+    made = RowFilter(("time_s",), 0.001, {}, 5.0)
+    assert made.take(0.0, (5.0,)) == []
+    assert [row[0] for row in made.take(0.0, (5.001,))] == [5.001]

@@ -291,6 +291,14 @@ def test_a_disk_that_fails_is_told_once_and_the_run_goes_on(
             run.now_s += NOTE_S
     assert capsys.readouterr().err.count("No space left on device") == 1
     run.keeper.look()
+    run.now_s += NOTE_S
+    # Once more when it has worked in between.
+    with monkeypatch.context() as broken:
+        broken.setattr(module.os, "pwrite", fails)
+        run.keeper.look()
+    assert capsys.readouterr().err.count("No space left on device") == 1
+    run.now_s += NOTE_S
+    run.keeper.look()
     run.killed()
     assert left(tmp_path, 2) is not None
 

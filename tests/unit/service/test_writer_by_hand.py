@@ -11,13 +11,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from gantryctl.errors import DeviceError
 from gantryctl.service.recorder.journal import file, writer
 from gantryctl.service.recorder.journal.chain import Anchor
 from gantryctl.service.recorder.journal.file import Damaged
 from gantryctl.service.recorder.journal.key import Key, made_key, read_key
 from gantryctl.service.recorder.journal.mirror import Mirror, Newest
 from gantryctl.service.recorder.journal.places import places_of
-from gantryctl.service.recorder.journal.proof import verify
+from gantryctl.service.recorder.journal.proof import verify, verify_file
 from gantryctl.service.recorder.journal.reading import _entry, _first, read_journal
 from gantryctl.service.recorder.journal.writer import Journal
 
@@ -214,3 +215,39 @@ def test_a_row_whose_detail_is_no_table_is_no_event(detail: str) -> None:
 @pytest.mark.parametrize(("rows", "first"), [([], 1), ([(0,)], 1), ([(41,)], 42)])
 def test_a_journal_begins_behind_what_was_taken_from_it(rows: list[tuple[int]], first: int) -> None:
     assert _first(lambda *_: iter(rows)) == first
+
+
+def test_an_event_of_the_journal_itself_is_of_no_boot_and_of_its_own_source() -> None:
+    assert file.own_row("alarm", "text")[:2] == (0, file.OWN)
+
+
+def test_a_file_that_cannot_be_made_a_journal_is_closed_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise sqlite3.OperationalError("disk full")
+
+    monkeypatch.setattr(file, "_make", fails)
+    db = sqlite3.connect(tmp_path / "new.sqlite")
+    with pytest.raises(sqlite3.OperationalError, match="disk full"):
+        file.open_file(tmp_path / "new.sqlite", lambda _: db, Key(bytes(32)))
+    with pytest.raises(sqlite3.ProgrammingError):
+        db.execute("SELECT 1")
+
+
+@pytest.mark.parametrize(("known", "last"), [((), 0), ((5,), 5), ((5, 9, 2), 9)])
+def test_of_a_damaged_file_everything_is_missing_that_was_known(
+    tmp_path: Path, known: tuple[int, ...], last: int
+) -> None:
+    (tmp_path / "journal").write_bytes(b"no database" * 100)
+    anchors = [Anchor(seq, "hash", "2026-01-01", "name") for seq in known]
+    found = verify_file(tmp_path / "journal", None, anchors)
+    assert [(span.first, span.last) for span in found.missing] == ([(1, last)] if last else [])
+
+
+def test_a_journal_whose_key_is_gone_cannot_be_checked(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+    made.close()
+    made.places.key.unlink()
+    with pytest.raises(DeviceError, match="key"):
+        verify(tmp_path)
