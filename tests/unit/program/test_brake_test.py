@@ -402,3 +402,14 @@ def test_a_test_that_was_stopped_clears_no_failure_of_the_one_before():
     rig.finish()
     assert rig.result.outcome is ABORTED
     assert rig.codes == ["BRK-08"]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+@pytest.mark.parametrize(("load_nm", "refused"), [(319.0, False), (321.0, True)])
+def test_the_level_comes_on_top_of_the_load_whichever_way_it_pulls(load_nm, refused, way):
+    """65 N m of 385 leave 320 for the load."""
+    rig = Rig(config=settings(test_torque_nm=LEVEL_NM, holding_torque_nm=way * load_nm))
+    rig.run(0.05)
+    rig.op(brake_test=True)
+    assert (rig.axis.refusal is not None) is refused
+    assert rig.axis.brake_test.under_way is not refused

@@ -442,3 +442,16 @@ def test_a_key_that_is_pressed_in_a_mode_that_was_refused_is_refused(key):
     assert rig.axis.refusal_count == refusals + 1
     rig.hold_key(0.5)
     assert rig.ref_deg == at_deg
+
+
+def test_the_cap_of_an_increment_goes_by_the_speed_set_and_not_by_the_override():
+    """3 deg/s at 30 % are below 1 deg/s, and 3 as soon as somebody raises the override."""
+    rig = powered()
+    rig.op(mode=Mode.INCREMENTAL, increment_rad=rad(5.0), speed_rad_s=rad(3.0), override=0.3)
+    press(rig, forward=True)
+    rig.run(1.0)
+    assert rig.vel_deg_s == pytest.approx(0.9)
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.run(0.5)
+    assert rig.vel_deg_s == 0.0
+    assert rig.axis.alarms.history[-1].code == "INT-05"

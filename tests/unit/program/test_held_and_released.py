@@ -1,9 +1,12 @@
 """HOLD and the way out of it, stops while the brake is still shut, and a load that falls where nothing may hold it."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from gantryctl.image import DigitalInputs, DriveRequest, DriveState
+from gantryctl.image import BufferMode, DigitalInputs, DriveRequest, DriveState
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import rad
 from unit.program.brake_rig import TestRig
@@ -362,3 +365,56 @@ def test_a_second_stop_at_rest_is_watched_for_50_ms_like_the_first():
         assert scans == approx(51, abs=1)
         rig.until(lambda: rig.axis.is_off, 1.0)
         reset(rig)
+
+
+@BOTH
+@pytest.mark.parametrize(("load_nm", "asked"), [(29.0, False), (40.0, True)])
+def test_a_reading_that_shows_nothing_of_the_load_that_goes_onto_the_brake_is_in_doubt(load_nm, asked, way):
+    """As much as the proof gives, 30 N m, turns the shaft of a fine encoder; less may turn it by nothing."""
+    rig = Rig(config=settings(holding_torque_nm=way * load_nm))
+    rig.power_up()
+    rig.axis.power._twist._fine = True  # the ideal shaft does not turn
+    rig.op(power=False)
+    rig.run(2.5)
+    assert rig.codes == (["ENC-02"] if asked else [])
+    assert rig.axis.feedback.in_doubt is asked
+    assert rig.axis.is_off
+
+
+def test_in_position_begins_anew_at_each_power_up():
+    """In the window for 200 ms: what was so before the brake closed says nothing."""
+    rig = Rig()
+    for _ in range(2):
+        rig.op(power=True)
+        rig.until(lambda: rig.axis.virtual.following, 3.0)
+        scans = 0
+        while not rig.output.in_position:
+            rig.step()
+            scans += 1
+        assert scans == approx(200, abs=2)
+        rig.op(power=False)
+        rig.until(lambda: rig.axis.is_off, 2.0)
+
+
+def test_an_alarm_ends_every_command_with_its_reason():
+    """Of what is under way and what waits behind it: nothing goes on after the reset."""
+    rig = moving_rig()
+    behind = rig.axis.motion.move_relative(rad(1.0), rad(3.0), buffer_mode=BufferMode.BUFFERED)
+    assert behind.status is CommandStatus.WAITING
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.step()
+    assert rig.program.move.error
+    assert behind.status is CommandStatus.ERROR
+    assert behind.refusal.code == "INT-03"
+    assert rig.axis.motion.current is rig.axis.motion.buffered is None
+
+
+def test_the_torque_of_the_laws_comes_on_top_of_what_holds_the_load():
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.power_up()
+    law = rig.axis._law
+    rig.axis.load_side = SimpleNamespace(
+        scan=lambda virtual, counts: law(virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts), torque_ff_nm=5.0
+    )
+    rig.step()
+    assert rig.output.torque_ff_nm == approx(17.0)

@@ -368,3 +368,17 @@ def test_a_motion_without_an_end_never_rests():
         assert not turning.axis.virtual.at_rest
         assert not turning.output.at_rest
     assert turning.axis.plan_end_s == math.inf
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_limits_before_a_sector_go_back_with_the_turn(way):
+    """Set to 300 deg it is at -60 deg in the next scan, and no nearer to the sector from 170 to 190 deg."""
+    config = modulo()
+    sector = (rad(170.0), rad(190.0))
+    config = replace(config, travel=replace(config.travel, no_go_rad=(sector,), no_go_clearance_rad=rad(1.0)))
+    axis_rig = Rig(config=config)
+    axis_rig.step()
+    assert axis_rig.axis.set_position(way * rad(300.0)) is None
+    axis_rig.power_up()
+    assert axis_rig.pos_deg == pytest.approx(way * -60.0, abs=1e-6)
+    assert axis_rig.codes == []

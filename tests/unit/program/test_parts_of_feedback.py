@@ -346,10 +346,13 @@ def test_the_state_of_a_drive_that_is_not_heard_is_unknown_after_30_ms_and_the_m
         approx(1e3 * old * period_s),
         approx(1e3 * old * period_s),
     )
+    assert values["measured"] is Words.TELEGRAM_POSITION
     assert encoder.feedback.state is DriveState.UNKNOWN
     assert encoder.feedback.state_old
     assert encoder.feedback.energised
     assert not encoder.feedback.position_valid
+    encoder.scan(link=LinkFlag.LATE, age_scans=old + 1)
+    assert not encoder.feedback.position_valid, "in every scan until one comes"
     encoder.scan(state=OFF)
     assert not encoder.feedback.state_old
     assert not encoder.feedback.energised
@@ -364,6 +367,7 @@ def test_inputs_that_do_not_come_are_told_after_30_ms(period_s):
     assert encoder.feedback.brake_known
     encoder.scan(link=LinkFlag.LATE, inputs_age_scans=old)
     assert encoder.codes == ["CAN-03"]
+    assert encoder.alarms.active[Code.CAN_03].values["measured"] is Words.TELEGRAM_INPUTS
     assert not encoder.feedback.brake_known
     assert encoder.feedback.state is ON
 
@@ -553,6 +557,27 @@ def test_a_reading_in_doubt_stays_so_when_the_drive_disobeys():
     assert not sound.feedback.in_doubt
 
 
+@pytest.mark.parametrize("late", ["now", "before"])
+def test_whether_a_drive_that_disobeys_on_late_telegrams_turns_or_reads_wrong_nobody_knows(late):
+    """Its torque would tell: it is older than the speed, or may have been."""
+    encoder = Encoder()
+    if late == "now":
+        encoder.feedback.age = 1
+    else:
+        encoder.alarms.raise_(Code.CAN_07, measured=30.0, limit=30.0)
+    encoder.feedback.disobeyed(Code.CTL_05, measured=1.0, command=0.0, limit=0.5)
+    assert encoder.feedback.in_doubt
+
+
+def test_an_encoder_has_its_alarm_as_long_as_it_shows_it():
+    encoder = Encoder()
+    encoder.scan(encoder=EncoderFlag.ALARM)
+    assert encoder.feedback.encoder_alarm
+    encoder.scan()
+    assert not encoder.feedback.encoder_alarm
+    assert encoder.feedback.in_doubt, "until service has compared the angle"
+
+
 # --- a speed that cannot be -------------------------------------------------------------------------------------------
 
 
@@ -568,6 +593,16 @@ def test_in_place_of_an_impossible_speed_the_position_tells_it(absurd_deg_s, per
     encoder.scan(speed_deg_s=absurd_deg_s, counts=math.nan)
     assert encoder.feedback.vel_rad_s == approx(way * rad(0.1), rel=0.02), "that of before"
     assert encoder.codes in (["ENC-14", "CTL-02"], ["CTL-02"])
+
+
+@BOTH
+def test_the_speed_by_a_position_over_missed_scans_is_that_of_each_of_them(way):
+    encoder = Encoder()
+    encoder.speed_deg_s = way * 0.1
+    encoder.scan()
+    encoder.feedback.periods = 4
+    encoder.scan(speed_deg_s=math.nan)
+    assert encoder.feedback.vel_rad_s == approx(way * rad(0.1), rel=0.01)
 
 
 # --- a sign that turns without torque ---------------------------------------------------------------------------------

@@ -210,13 +210,16 @@ def test_a_question_ends_with_the_rest_in_which_it_was_asked():
 def test_a_reading_that_answers_a_harder_question_begins_with_the_first_again():
     """Steps of 512 counts: it answers the third question each time it stands, and is never frozen."""
     parts, watch = lives()
-    shaft = 0.0
+    shaft, asked = 0.0, []
 
     def scan():
         nonlocal shaft
+        before = watch.dithers
         watch.stand(proven=True)
+        if watch.dithers > before:
+            asked.append(round(watch.vel_rad_s * 0.008 * 2**22 / math.tau))
         shaft += watch.vel_rad_s * parts.period_s * 2**22 / math.tau
         parts.feedback.counts = 512.0 * round((shaft + 100.0) / 512.0)
 
-    assert parts.after(scan, most_s=4.0) == math.inf
-    assert watch.dithers >= 9
+    assert parts.after(scan, most_s=2.5) == math.inf
+    assert asked[:9] == 3 * [8, 64, 512]

@@ -282,7 +282,8 @@ class Axis:
         if self.brake_test.under_way:
             self.abort_brake_test(Words.POWER_SWITCHED_OFF)
             return
-        if self.is_off or self._error or self.motion.switching_off:
+        # After an alarm there is nothing to stop, and no phase that this ends.
+        if self.is_off or self.motion.switching_off:
             return
         self.motion.abort_for_power_off()
 

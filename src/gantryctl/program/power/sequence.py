@@ -271,9 +271,7 @@ class PowerSequence:
         """Change the phase; outputs follow from it."""
         disabled = self.phase is PowerPhase.DISABLING
         unwinds = disabled and self._drive_owns_brake
-        if phase is PowerPhase.SAG_WATCH:  # the sag counts from the release command
-            self._slip.go_on(unwinds=unwinds)
-        else:
+        if phase is not PowerPhase.SAG_WATCH:  # the sag counts from the release command
             self._slip.begin(self._pos_rad, unwinds=unwinds)
         self._turns_back = self._turns_back and phase in _BRAKE_OPENING
         self._unloaded = disabled and self._unloaded
@@ -497,7 +495,7 @@ class PowerSequence:
         elif self._hold_watch.has_held:
             self._lost()
         elif self._count > self._power_up_scans:
-            self._stuck(_OPERATION_ENABLED, Reaction.TORQUE_OFF)
+            self._stuck(_OPERATION_ENABLED)
         self._hold_watch.scan(self._slip.moved(pos_rad))
 
     # --- the brake test ---------------------------------------------------------------------------
@@ -539,12 +537,11 @@ class PowerSequence:
         if self._feedback.state not in FAULTS:
             self._alarms.raise_(Code.DRV_04, measured=drive_state_words(self._feedback.state))
 
-    def _stuck(self, wanted: DriveState, reaction: Reaction | None = None) -> None:
+    def _stuck(self, wanted: DriveState) -> None:
+        """Raise DRV-03, torque off: the drive does not come to a state."""
         time_ms = self._milliseconds(self._count)
         state = drive_state_words(self._feedback.state)
-        self._alarms.raise_(
-            Code.DRV_03, reaction, measured=state, time_ms=time_ms, command=drive_state_words(wanted)
-        )
+        self._alarms.raise_(Code.DRV_03, measured=state, time_ms=time_ms, command=drive_state_words(wanted))
 
     def _brake_still_open(self, reaction: Reaction | None = None) -> None:
         # Without a contact, or with a reading of it that is too old, nothing contradicts.

@@ -41,10 +41,6 @@ class SlipWatch:
             unwinds: the torque may have gone off while the brake still closed.
         """
         self._from_rad: float | None = pos_rad
-        self.go_on(unwinds=unwinds)
-
-    def go_on(self, *, unwinds: bool) -> None:
-        """A phase begins that goes on with the angle of the one before."""
         self._unwinding, self._doubted_moving = unwinds, 0
 
     def rebase(self) -> None:

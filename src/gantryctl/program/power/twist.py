@@ -24,6 +24,7 @@ class Twist:
         self._feedback = feedback
         self._fine = settings.monitors.encoder_shows_twist
         self._period_s = settings.period_s
+        self.begin(0.0)
 
     def begin(self, torque_nm: float) -> None:
         """The torque comes, or goes with the other sign, from the next scan on."""
