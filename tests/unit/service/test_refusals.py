@@ -148,6 +148,23 @@ def test_the_first_is_written_at_once_and_repeats_as_one_row_with_their_number()
     assert row["text"] == "halt: refused: SEC-07 take control first; 500 times in 10 s"
 
 
+def test_the_row_that_is_due_first_is_written_first() -> None:
+    events, clock = ring(512), Clock()
+    log = log_on(events, clock)
+    for who in (ANNA, BEN):
+        for _ in range(3):
+            log.put(who, HALT, NOT_YOURS)
+        clock.now_s += 4.0
+    taken(events)
+    # 10 s after the first refusal of Anna, 6 s after that of Ben.
+    clock.now_s += 2.0
+    log.look()
+    assert [row["user"] for row in taken(events)] == ["anna"]
+    clock.now_s += 4.0
+    log.look()
+    assert [row["user"] for row in taken(events)] == ["ben"]
+
+
 def test_after_a_quiet_time_the_next_one_is_a_first_again() -> None:
     events, clock = ring(512), Clock()
     log = log_on(events, clock)

@@ -14,17 +14,20 @@ import pytest
 from gantryctl.image import DriveState
 from gantryctl.program import Code, Reaction
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.clients.hub import Hub
 from gantryctl.service.controller import process
 from gantryctl.service.controller.brake_watch import JUDGE_S
 from gantryctl.service.memory import snapshot
-from gantryctl.service.memory.memory import Word
+from gantryctl.service.memory.last_seen import LastSeen
+from gantryctl.service.memory.memory import Source, Word
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.memory.snapshot import FAST, Snapshot, decode, publish_fast
 from gantryctl.service.memory.trace_ring import rest_metadata
+from gantryctl.service.protocol.messages import from_record
 from gantryctl.service.protocol.tags import BY_NAME
 from gantryctl.service.supervisor import child as module
 from gantryctl.service.supervisor.child import Child
-from gantryctl.units import deg, rad
+from gantryctl.units import SIGNED, deg, rad
 from support.slow_network import shared_memory
 from unit.service.test_alarm_view import Seen
 from unit.service.test_controller import (
@@ -279,6 +282,43 @@ def test_a_reader_of_a_ring_neither_overtakes_its_writer_nor_believes_numbers_of
     ring = a_ring(head=3, tail=8)
     assert ring.peek(10) == []
     assert (ring.damaged, len(ring)) == (1, 0)
+
+
+@pytest.mark.parametrize("at", [0, 4, 8, 12])
+def test_a_record_that_is_not_as_it_was_written_is_none(at: int) -> None:
+    """Length, check and content."""
+    ring = a_ring()
+    ring.put(b"whole")
+    ring.put(b"other")
+    ring._memory[192 + at] ^= 1
+    assert ring.peek(2) == [None, b"other"]
+
+
+@pytest.mark.parametrize(
+    ("pos", "vel", "valid", "seen"),
+    [
+        (350.0, 0.5, True, (350.0, 0.5)), (None, 0.5, True, (None, None)), (350.0, None, True, (None, None)),
+        (350.0, 0.5, False, (None, None)), (0.0, 0.0, True, (0.0, 0.0)),
+    ],
+)  # fmt: skip
+def test_where_an_axis_was_seen_is_known_with_angle_and_speed_or_not_at_all(
+    pos: float | None, vel: float | None, valid: bool, seen: tuple[float | None, float | None]
+) -> None:
+    tags = {"pos_act_deg": pos, "vel_act_deg_s": vel, "position_valid": valid}
+    found = LastSeen.of(tags, SIGNED)
+    assert tuple(found) == seen
+    told = found.told(Words.AGO(age_s=1.0)).line
+    assert ("at an angle that is not known" in told) is (seen[0] is None)
+
+
+@pytest.mark.parametrize(("source", "place"), [(Source.WEB, "web"), (Source.LOCAL, "local")])
+def test_a_hub_that_begins_says_so_in_the_place_of_its_source(source: Source, place: str) -> None:
+    """The controller ends what the connections of the one before have held: of this place alone."""
+    with shared_memory() as memory:
+        Hub(memory, source)
+        (record,) = memory.commands[source].peek(10)
+        who, message = from_record(record)
+        assert (who.place, message["type"]) == (place, "restart")
 
 
 # --- processes ------------------------------------------------------------------------------------
