@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import pytest
 
 from gantryctl.image import BufferMode, DigitalInputs, DriveRequest, DriveState
+from gantryctl.motion.types import MotionLimits
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import rad
 from unit.program.brake_rig import TestRig
-from unit.program.parts import BOTH, PERIODS
+from unit.program.parts import BOTH, PERIODS, Parts
 from unit.program.power_steps import P, held_again, record, slip
 from unit.program.rig import RATIO, Rig, moving_rig, settings
 
@@ -418,3 +419,16 @@ def test_the_torque_of_the_laws_comes_on_top_of_what_holds_the_load():
     )
     rig.step()
     assert rig.output.torque_ff_nm == approx(17.0)
+
+
+@BOTH
+def test_a_stop_that_would_pass_the_end_of_travel_leaves_the_plan_that_ends_there(way):
+    """On the ramp to 180 deg, 4 deg/s2; a stop with 1 deg/s2 from there would end 4.5 deg behind."""
+    parts = Parts()
+    virtual = parts.virtual
+    virtual.follow_from(way * rad(170.0), 0)
+    assert virtual.move_to(way * rad(180.0), rad(6.0), parts.settings.ramps, 0) is None
+    virtual.sample(round(1000.0 * virtual.plan.duration) - 750)  # 3 deg/s, 1.125 deg before the end
+    virtual.stop(MotionLimits(rad(6.0), rad(4.0), rad(1.0)), 0)
+    assert virtual.plan.pos_end == approx(way * rad(180.0))
+    assert virtual.stopping
