@@ -14,11 +14,14 @@ import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import ua  # noqa: E402
+from asyncua.common.utils import ServiceError  # noqa: E402
 from asyncua.crypto.permission_rules import UserRole  # noqa: E402
 
 from gantryctl.errors import StateError  # noqa: E402
+from gantryctl.gateway.opcua import channel as channel_module  # noqa: E402
 from gantryctl.gateway.opcua import listener as listener_module  # noqa: E402
 from gantryctl.gateway.opcua import people as people_module  # noqa: E402
+from gantryctl.gateway.opcua import services as services_module  # noqa: E402
 from gantryctl.gateway.opcua import trust  # noqa: E402
 from gantryctl.gateway.opcua.listener import Connection, Listener  # noqa: E402
 from gantryctl.gateway.opcua.people import People, Reader  # noqa: E402
@@ -542,3 +545,63 @@ def test_every_unit_has_its_sign_and_its_name() -> None:
     }
     for unit, code in {**codes, "%": b"P1", "": b"C62"}.items():
         assert shown[unit].UnitId == int.from_bytes(code)
+
+
+# --- sessions of a channel ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("logged_in", "closed"),
+    [
+        ((True, False, True, False), 1),
+        ((False, False, True, True), 0),
+        ((True, True, True), None),
+        ((), None),
+    ],
+)
+def test_the_oldest_session_that_is_not_logged_in_makes_room_for_a_fifth(
+    monkeypatch: pytest.MonkeyPatch, logged_in: tuple[bool, ...], closed: int | None
+) -> None:
+    ended: list[int] = []
+
+    def one(number: int, activated: bool) -> Any:
+        async def close() -> None:
+            ended.append(number)
+
+        return SimpleNamespace(
+            number=number, close=close, session=SimpleNamespace(is_activated=lambda: activated)
+        )
+
+    monkeypatch.setattr(channel_module, "Answers", lambda *_: SimpleNamespace(number=9))
+    made: Any = object.__new__(channel_module.Channel)
+    made._sessions = [one(number, activated) for number, activated in enumerate(logged_in)]
+    made._wall, made._transport, made._secure = SimpleNamespace(internal=None, limits=None), None, "secure"
+    asyncio.run(made._room())
+    assert ended == ([] if closed is None else [closed])
+    left = [number for number in range(len(logged_in)) if number != closed]
+    assert [each.number for each in made._sessions] == [*left, 9]
+    assert made._sessions[-1]._connection == "secure"
+
+
+def test_four_sessions_that_are_logged_in_leave_no_room() -> None:
+    made: Any = object.__new__(channel_module.Channel)
+    made._sessions = [SimpleNamespace(session=SimpleNamespace(is_activated=lambda: True))] * 4
+    with pytest.raises(ServiceError) as refused:
+        asyncio.run(made._room())
+    assert refused.value.code == S.BadTooManySessions
+
+
+@pytest.mark.parametrize("name", ["_monitor", "_modify"])
+def test_filters_are_judged_before_anything_else_is_read(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """In a copy: what is judged is read again by the service."""
+    judged: list[tuple[str, bool]] = []
+
+    def judge(body: str, *, new: bool) -> None:
+        judged.append((body, new))
+        raise ServiceError(S.BadMonitoredItemFilterUnsupported)
+
+    monkeypatch.setattr(services_module, "judge_filters", judge)
+    body: Any = SimpleNamespace(copy=lambda: "a copy")
+    with pytest.raises(ServiceError):
+        getattr(services_module, name)(None, body)
+    assert judged == [("a copy", name == "_monitor")]
