@@ -176,6 +176,20 @@ def test_it_goes_on_until_the_others_are_gone(bench: Bench, tmp_path: Path) -> N
     memory.close()
 
 
+@pytest.mark.parametrize("log", [None, "bus.log"])
+def test_the_log_of_all_frames_is_kept_where_it_was_asked_for(
+    bench: Bench, tmp_path: Path, log: str | None
+) -> None:
+    bench.looks = [bench.stop, nothing]
+    memory = SharedMemory.create()
+    policy = RetentionPolicy(bus_logs=3)
+    arguments = [str(memory.handle), str(tmp_path), policy.to_json(), "-1", *([log] if log else [])]
+    assert process.main(arguments) == 0
+    _, folder, shown, _, asked, _ = bench.given["frames"]
+    assert (folder, shown, asked) == (tmp_path / "traces", log and Path(log), policy)
+    memory.close()
+
+
 def test_an_orphan_says_so_once(bench: Bench, tmp_path: Path) -> None:
     bench.orphaned = True
     memory = run(bench, tmp_path, nothing, bench.stop, nothing)
