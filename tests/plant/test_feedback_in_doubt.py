@@ -149,6 +149,37 @@ def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: fl
 
 
 # Until it is seen, a reading that stands drives the speed command by the error that seems to grow.
+@AT_EVERY_SCAN_MS
+@pytest.mark.parametrize(("speed", "share"), [(1.0, 1.0), (1.0, 1.2), (3.0, 0.9)])
+def test_a_sign_that_turns_at_the_end_of_a_quick_stop(speed: float, share: float, scan_ms: float) -> None:
+    """The drive's own loop runs away with all of its torque, which the reading shows the other way round.
+
+    DRV-07 alone would call the angle valid, 0.37 deg off (matrix, row A20).
+    """
+    rig = PlantRig(machine_at(scan_ms), 15.0)
+    rig.cruise(speed)
+    rig.say(quick_stop=True)
+    rig.run(0.06 + share * speed / 5.4)
+    rig.sim.encoder_gain = -1.0
+    # What a fault of the feedback at standstill may take.
+    assert rig.way_to_rest() <= 0.35
+    assert not rig.axis.feedback.position_valid, rig.texts
+
+
+@pytest.mark.parametrize("speed", [1.0, 6.0])
+def test_a_quick_stop_with_little_torque_is_no_wrong_sign(speed: float) -> None:
+    """The load swings the shaft against the 40 N m that are left."""
+    rig = PlantRig(machine_at(4.0, CHECK_NM), -60.0)
+    rig.cruise(speed)
+    rig.say(quick_stop=True)
+    rig.run(0.3 * speed / 5.4)
+    rig.drive.faults.torque_limit_share = 0.1
+    rig.run(3.0)
+    assert rig.first_alarm is not None
+    assert Code.DRV_07 in {alarm.code for alarm in rig.first_alarm.consequences}
+    assert rig.axis.feedback.position_valid, rig.texts
+
+
 @pytest.mark.parametrize("speed", SPEEDS)
 @AT_EVERY_SCAN_MS
 @pytest.mark.parametrize("speed_too", [False, True], ids=["position", "position and speed"])

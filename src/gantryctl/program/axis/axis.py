@@ -403,9 +403,13 @@ class Axis:
     def _try_reading(self) -> None:
         """Ask whether the reading lives, wherever the drive holds the axis or brings it to rest."""
         power, feedback = self.power, self.feedback
-        # In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap.
-        if power.phase in _HELD and feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
-            self.liveness.drive_against()
+        # In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap. So it
+        # may in a quick stop, but a sound one never leaves its ramp.
+        if feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
+            if power.phase in _HELD:
+                self.liveness.drive_against()
+            elif power.phase is PowerPhase.QUICK_STOPPING:
+                self.liveness.ramp_against(left=power.ramp_left)
         if power.phase is _ON:
             self.liveness.stand(proven=True)
         elif power.phase is PowerPhase.SAG_WATCH:

@@ -174,15 +174,26 @@ class Liveness:
 
     def drive_against(self) -> None:
         """A speed that grows against a large torque is a reading of the wrong sign: the drive pushes it on."""
-        feedback, scan = self._feedback, self._alarms.scan
         # A drive that swings about its command meets the resonance of the load, with less than all of its torque.
-        if not (feedback.torque_limited or abs(feedback.torque_nm) > self._torque_full_nm):
-            return
+        if self._feedback.torque_limited or abs(self._feedback.torque_nm) > self._torque_full_nm:
+            self._judge_growth(told=True)
+
+    def ramp_against(self, *, left: bool) -> None:
+        """The same in a quick stop. A drive whose torque is limited leaves its ramp with a load that swings.
+
+        Args:
+            left: the drive is above its ramp; else the speed is only watched.
+        """
+        if abs(self._feedback.torque_nm) > self._torque_full_nm:
+            self._judge_growth(told=left)
+
+    def _judge_growth(self, *, told: bool) -> None:
+        feedback, scan = self._feedback, self._alarms.scan
         speed = abs(feedback.vel_rad_s)
         if scan - self._torque_scan > feedback.periods:
             self._slowest = speed
         self._torque_scan = scan
         self._slowest = min(self._slowest, speed)
-        if speed > self._slowest + _GROWTH_RAD_S:
+        if told and speed > self._slowest + _GROWTH_RAD_S:
             words = Words.GROWS_AGAINST(speed=deg(speed), torque=feedback.torque_nm)
             feedback.doubt(Code.ENC_12, measured=words)

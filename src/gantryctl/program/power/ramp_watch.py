@@ -66,6 +66,11 @@ class RampWatch:
         return True
 
     @property
+    def left(self) -> bool:
+        """The speed of the last scan was above the ramp."""
+        return self._over_envelope > 0
+
+    @property
     def ends_s(self) -> float:
         """When the ramp of a drive that obeys has ended, s since the phase began; also of one that stops by itself."""
         return self._vel_start / self._quick_dec + _ENVELOPE_REACTION_S

@@ -237,6 +237,11 @@ class PowerSequence:
         return self._drive_owns_brake and (opening or begun)
 
     @property
+    def ramp_left(self) -> bool:
+        """The drive makes a quick stop, and is faster than its ramp."""
+        return self.phase is PowerPhase.QUICK_STOPPING and self._ramp.left
+
+    @property
     def parked(self) -> bool:
         """`status` is TRUE, but the brake holds the axis, or is being opened or closed."""
         return self.status and self.phase is not _ON
