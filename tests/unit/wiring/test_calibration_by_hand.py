@@ -13,7 +13,7 @@ from gantryctl.errors import ConfigError
 from gantryctl.machine import Calibration, Machine, Unknown, default_machine, with_values
 from gantryctl.program.settings import CalibrationWatchSettings
 from gantryctl.wiring import compensation as wiring
-from gantryctl.wiring.calibration_watch import calibration_watch, what_is_not_watched
+from gantryctl.wiring.calibration_watch import calibration_identity, calibration_watch, what_is_not_watched
 from gantryctl.wiring.compensation import (
     _identified,
     _numbers,
@@ -165,6 +165,20 @@ def test_the_numbers_of_the_laws_are_those_of_the_calibration() -> None:
         ({"inertia_kg_m2": 3e5}, "inertia_load_kg_m2", 0.0),
         ({"friction_load_nm": None}, "friction_load_nm", 0.0),
         ({"backlash_rad": None}, "backlash_rad", 0.0),
+        *(
+            ({name: None}, name, 0.0)
+            for name in (
+                "moment_sine_nm",
+                "moment_cosine_nm",
+                "inertia_kg_m2",
+                "friction_load_ratio",
+                "friction_nm_s_per_rad",
+                "windup_per_acc_s2",
+                "friction_nm",
+            )
+        ),
+        ({"swing_hz": None}, "swing_rad_s", 0.0),
+        ({"swing_hz": None}, "observer_rate", 0.0),
         # All lost motion, 2e-5 rad each way.
         ({"backlash_rad": None}, "backlash_held_rad", 4e-5),
     ],
@@ -297,3 +311,16 @@ def test_a_load_that_leans_on_a_flank_is_led_by_it() -> None:
     maps = leaning.maps.model_copy(update={"lean_rad_per_nm": 3e-9})
     found = _identified(improved_machine(), leaning.model_copy(update={"maps": maps}))
     assert found["lean_rad_per_nm"] == 3e-9
+
+
+def test_where_no_law_needs_a_calibration_nothing_is_missed_in_it() -> None:
+    lacking = calibration("friction_nm").model_copy(update={"unknown": {"friction_nm": Unknown.TOO_WIDE}})
+    assert len(what_is_not_watched(improved_machine().calibrated(lacking))) == 1
+    assert what_is_not_watched(default_machine().calibrated(lacking)) == ()
+
+
+def test_a_calibration_is_known_by_16_digits_of_its_own() -> None:
+    one, other = (calibration_identity(calibration(friction_nm=value)) for value in (10e3, 10001.0))
+    assert one != other
+    assert len(one) == len(other) == 16
+    assert set(one + other) <= set("0123456789abcdef")

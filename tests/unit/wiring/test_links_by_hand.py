@@ -17,6 +17,7 @@ from gantryctl.wiring import canopen, simulator, virtual, virtual_nodes
 from gantryctl.wiring.bus_log import logged_links
 from gantryctl.wiring.canopen import can_link, canopen_drive, read_only_drive, reset_drive_fault
 from gantryctl.wiring.engine import build_program
+from gantryctl.wiring.program import speed_step_deg_s
 from gantryctl.wiring.virtual import as_in_table, drive_hardware, drive_kind
 from support.modulo_machine import modulo_machine
 
@@ -260,6 +261,38 @@ def test_a_virtual_node_has_its_own_wiring(monkeypatch: pytest.MonkeyPatch) -> N
     assert made == [(3, "send", "cabinet", "wires", {"estop_ok": 4}, {"brake_open": 6})]
 
 
+@pytest.mark.parametrize(("source", "made"), [("none", False), ("60E4", False), ("node", True)])
+def test_only_an_encoder_that_is_a_node_has_a_node(
+    monkeypatch: pytest.MonkeyPatch, source: str, made: bool
+) -> None:
+    monkeypatch.setattr(virtual_nodes, "EncoderNode", lambda *given, **_: given[0])
+    encoder = SimpleNamespace(source=source, node=4)
+    machine: Any = SimpleNamespace(can=SimpleNamespace(io=SimpleNamespace(node=0), load_encoder=encoder))
+    ring = SimpleNamespace(counts=None)
+    plant = SimpleNamespace(ring_counts=None)
+    drive: Any = SimpleNamespace(plant=plant, stepped=True, hardware=SimpleNamespace(load_encoder=ring))
+    send: Any = None
+    assert tuple(virtual_nodes.virtual_neighbours(machine, drive, send)) == (None, 4 if made else None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "increments", "step_deg_s"),
+    # One r/min of the motor; one increment in a scan of 4 ms: 0.25 turns a second; 1144 turns are one of the gantry.
+    [("r/min", 524_288, 6.0 / 1144.0), ("inc/s", 1000, 90.0 / 1144.0)],
+)
+def test_the_smallest_speed_is_a_unit_of_the_bus_or_an_increment_in_a_scan(
+    can: Machine, unit: str, increments: int, step_deg_s: float
+) -> None:
+    changes = {"velocity_unit": unit, "increments_per_turn": increments}
+    machine = can.model_copy(
+        update={
+            "can": can.can.model_copy(update=changes),
+            "control": can.control.model_copy(update={"scan_period_ms": 4.0}),
+        }
+    )
+    assert speed_step_deg_s(machine) == pytest.approx(step_deg_s)
+
+
 # --- a simulated drive --------------------------------------------------------------------------------
 
 
@@ -301,5 +334,8 @@ def test_a_state_without_an_angle_is_turned_back_by_nothing() -> None:
 def test_plans_are_kept_only_where_they_are_asked_for() -> None:
     machine = default_machine()
     drive = simulator.sim_drive(machine)
-    assert [build_program(machine, drive).axis.virtual.keep_plans] == [False]
+    plain = build_program(machine, drive).axis
+    assert not plain.virtual.keep_plans
+    # Nothing is known of a load that was never held.
+    assert plain.settings.power.holding_torque_nm == 0.0
     assert build_program(machine, drive, keep_plans=True).axis.virtual.keep_plans

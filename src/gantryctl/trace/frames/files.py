@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gantryctl.errors import DeviceError, UsageError
-from gantryctl.trace.frames.blf import check_blf
 from gantryctl.trace.frames.ring import BusFrame
 
 if TYPE_CHECKING:
@@ -164,6 +163,8 @@ def read_frames(path: Path) -> Iterator[BusFrame]:
     """
     import can
     from can.io.blf import BLFParseError  # no CanError
+
+    from gantryctl.trace.frames.blf import check_blf
 
     if not path.is_file():
         raise UsageError(f"{path}: there is no such file")
