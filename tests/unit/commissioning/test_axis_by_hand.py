@@ -435,6 +435,32 @@ def test_where_a_step_has_left_the_shaft_is_where_it_is_looked_for_next(
     assert retained.rest_position_counts == kept
 
 
+def test_reasons_of_the_bus_are_those_that_commissioning_does_not_take_away(
+    opened: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[bool] = []
+    monkeypatch.setattr(
+        open_loop_axis, "bus_reasons", lambda *_, commissioning: (asked.append(commissioning), ())[1]
+    )
+    with open_loop_axis.open_loop_axis(context(), 1.0):
+        pass
+    assert asked == [True]
+
+
+@pytest.mark.parametrize(
+    ("period_s", "age", "stops"), [(0.02, 3, False), (0.02, 4, True), (0.002, 15, False), (0.002, 16, True)]
+)
+def test_a_telegram_may_be_three_scans_old_or_30_ms(period_s: float, age: int, stops: bool) -> None:
+    drive, axis = enabled()
+    axis.period_s = period_s
+    drive.spoil = lambda seen: seen._replace(age_scans=age)
+    if stops:
+        with pytest.raises(AlarmStop, match="disturbed"):
+            axis.scan(ENABLE)
+    else:
+        axis.scan(ENABLE)
+
+
 def test_the_shaft_is_looked_at_behind_the_drive_that_is_off(opened: SimpleNamespace) -> None:
     """It sags by 0.001 deg, 1666 counts, as the brake closes."""
 

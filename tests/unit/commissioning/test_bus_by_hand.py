@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from gantryctl.commissioning import steps_bus
 from gantryctl.commissioning.results import Outcome
+from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest
 from gantryctl.machine import Machine, with_values
 from gantryctl.operation.home_reference import AbsoluteReading, RestVerdict
@@ -25,6 +27,17 @@ def judged(monkeypatch: pytest.MonkeyPatch, step: str, drive: HandDrive, machine
     )
     monkeypatch.setattr(steps_bus, "_statusword_sample", lambda axis, scan: None)
     return getattr(steps_bus, step)(context(machine))
+
+
+def test_parameters_that_the_drive_refuses_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextmanager
+    def refused(*_: object) -> Iterator[None]:
+        raise CommandRefused("607F:00 is 1000, 1239 is wanted")
+        yield
+
+    monkeypatch.setattr(steps_bus, "open_loop_axis", refused)
+    found = steps_bus.parameters(context())
+    assert (found.outcome, found.proof) == (Outcome.FAILED, "607F:00 is 1000, 1239 is wanted")
 
 
 @pytest.mark.parametrize(

@@ -418,6 +418,21 @@ def test_what_a_step_sees_is_told_while_it_runs(free_room: Room, monkeypatch: py
     assert tags["commissioning_left_s"] == pytest.approx(watch.meter.left_s)
 
 
+def test_what_was_told_before_the_end_is_looked_at(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[str] = []
+    monkeypatch.setattr(room.desk, "look", lambda: looks.append("look"))
+    room.desk._ended.set()
+    room.desk.run()
+    assert looks == ["look"]
+
+
+def test_a_board_without_a_drive_is_not_complete(room: Room) -> None:
+    room.board.refuse("a machine", "no drive answers")
+    shown = json.loads(room.memory.commissioning.read() or b"")
+    assert (shown["machine"], shown["complete"], shown["note"]) == ("a machine", False, "no drive answers")
+    assert shown["steps"] == shown["ledger"] == shown["open"] == []
+
+
 def test_the_end_is_an_order(room: Room) -> None:
     assert room.ask(ANNA, "take", over=False) == ""
     assert room.ask(ANNA, "commission_end") == ""

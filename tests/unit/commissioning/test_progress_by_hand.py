@@ -12,12 +12,12 @@ import pytest
 
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult, report
 from gantryctl.commissioning import run as commissioning_run
-from gantryctl.commissioning.results import Figure, Progress
+from gantryctl.commissioning.results import Figure, Progress, load_progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.engineering.report.head import Judged
-from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
+from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Stop
@@ -367,6 +367,15 @@ def test_a_machine_with_an_open_row_is_not_complete(
     for rows in ((), (SimpleNamespace(text="open"),)):
         monkeypatch.setattr(commissioning_run, "unproven", lambda ledger, rows=rows: rows)
         assert work.complete is (not rows)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"machine": 5}', '{"results": {"sign": 1}}'])
+def test_damaged_results_are_told_with_what_to_do(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "commissioning.json"
+    assert load_progress(path) is None
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(StateError, match="remove it to commission from the start"):
+        load_progress(path)
 
 
 def test_other_gains_take_away_the_record_and_every_proof_from_the_sign_on(

@@ -140,6 +140,7 @@ def test_the_record_is_written_when_all_is_proven_and_the_report_of_what_was_sho
     monkeypatch.setattr(process, "write_report", lambda *_: wrote.append("report"))
     made._keep()
     assert wrote == ([*(["record"] if complete else []), "report"] if results else [])
+    assert [text.partition(":")[0] for _, text in desk.told] == [f"commissioning {each}" for each in wrote]
 
 
 @pytest.mark.parametrize("hashed", ["as it was", "another"])

@@ -306,6 +306,14 @@ def test_a_push_that_gives_less_or_goes_against_an_unproven_brake_is_refused(ste
     assert not drive.wrote
 
 
+def test_a_load_that_takes_more_than_the_brake_has_held_leaves_nothing_to_push_with(step: Any) -> None:
+    """0.6 x 20 N m are less than the 13.98 N m of the load."""
+    drive = limit_drive()
+    found = step(steps_lacks, "torque", drive, brake=braked(20.0, -20.0))
+    assert (found.outcome, found.to_do) == (Outcome.NOT_TESTABLE, "a higher [brake] test_torque_nm")
+    assert not drive.wrote
+
+
 def test_of_two_pushes_the_weaker_is_what_the_limit_was_shown_to_be(step: Any) -> None:
     """28 N m are asked for both ways; back 26 of them are given."""
     drive = limit_drive()
