@@ -237,6 +237,15 @@ TYPED_TEST(PackOf, numbers_has_the_elementary_functions_of_a_number) {
   }
 }
 
+TYPED_TEST(PackOf, numbers_is_a_number_in_every_lane_with_its_sign) {
+  using P = TypeParam;
+  for (double number : {0.0, -0.0, 3.0, -3.0})
+    for (int k = 0; k < kLanes<P>; ++k) {
+      EXPECT_EQ(lane(P(number), k), number);
+      EXPECT_EQ(std::signbit(lane(P(number), k)), std::signbit(number));
+    }
+}
+
 TYPED_TEST(PackOf, masks_is_any_lane) {
   using P = TypeParam;
   P a(0.0);

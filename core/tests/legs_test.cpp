@@ -47,6 +47,9 @@ struct Population {
       legs.push_back(legs_of(static_cast<double>(k), static_cast<long>(k)));
       if (k % 3 == 1) compensate(compensations[k], static_cast<double>(k));
       if (k % 6 == 4) observe(compensations[k].p, static_cast<double>(k));
+      if (k % 6 == 4) remember(compensations[k].s, static_cast<double>(k));
+      // A law that nobody has followed yet has not begun when its axis stops first.
+      if (k % 12 == 1) std::swap(legs[k][0], legs[k][2]);
     }
     for (std::size_t k = 0; k < plants; ++k) {
       PositionLawParams<double> law = example::law();
@@ -114,6 +117,15 @@ struct Population {
     p.backlash_slow = 0.003;
   }
 
+  // What was seen of moment and lost motion before: the moment is known.
+  static void remember(CompensationState<double>& s, double k) {
+    s.info_sine = s.info_cosine = s.info_friction = 1e3 + k;
+    for (std::size_t n = 0; n < kLeadSums; ++n) s.lead_sums[n] = 1.0 + 0.1 * k + static_cast<double>(n);
+  }
+
+  // At constant speed, where an encoder on the ring tells the lost motion; the way of the move before.
+  static Segments cruise(double from) { return {{{0.0, from, -1e-3, 0.0, 0.0}}, 1.0, from - 1e-3, -1e-3}; }
+
   // Other plans and other lengths for every plant: the lanes of a pack never end together. Some go on with a
   // plan that has begun, and some have a signal on their command.
   static std::vector<Leg> legs_of(double k, long scans) {
@@ -121,7 +133,8 @@ struct Population {
     std::vector<Leg> all = {{example::triangle(from, 0.0002 + 1e-5 * k, kAcc), 80 + 3 * scans, 20},
                             {example::triangle(from + 0.0002, -0.0003, kAcc), 60 + scans % 4, 1},
                             stop(from, scans),
-                            {example::triangle(from, 0.0, kAcc), 5, 5}};
+                            {example::triangle(from, 0.0, kAcc), 5, 5},
+                            {cruise(from), 30, 2}};
     all[0].passed = scans % 5;
     if (scans % 3 == 0) all[1].added_rad_s = {3.0, -2.0, 1.0 + k};
     return all;
@@ -135,7 +148,8 @@ struct Population {
 
   static Leg stop(double from, long scans) {
     const DriveMode modes[] = {DriveMode::kSpeed, DriveMode::kQuickStop, DriveMode::kOff};
-    return {example::triangle(from, 1e-5, kAcc), 190 + scans % 7, 3, modes[scans % 3], scans % 3 < 2};
+    const Segments plan = scans % 2 == 0 ? cruise(from) : example::triangle(from, 1e-5, kAcc);
+    return {plan, 190 + scans % 7, 3, modes[scans % 3], scans % 3 < 2};
   }
 
   std::vector<Job> jobs(bool logging = true) {
@@ -249,6 +263,7 @@ TEST(RunJobs, gives_every_plant_the_bits_that_it_has_alone) {
   Population alone(kPlants);
   alone.run_alone();
   EXPECT_NE(alone.results[0][0].max_torque_motor_nm, alone.results[7][0].max_torque_motor_nm);
+  EXPECT_NE(alone.compensations[4].s.lead_sums[0], Population(5).compensations[4].s.lead_sums[0]);
   for (const Kernels* kernels : supported_kernels())
     for (int threads : {1, 3}) {
       SCOPED_TRACE(kernels->name);
@@ -274,6 +289,16 @@ TEST(RunJobs, takes_any_number_of_plants) {
     run_jobs(kernels(), batch.jobs(), 2);
     expect_same(batch, alone);
   }
+}
+
+TEST(Leg, follows_its_plan_from_the_start_with_the_brake_open) {
+  const Leg leg{};
+  EXPECT_EQ(leg.scans, 0);
+  EXPECT_EQ(leg.average, 0);
+  EXPECT_EQ(leg.passed, 0);
+  EXPECT_EQ(leg.mode, DriveMode::kSpeed);
+  EXPECT_TRUE(leg.brake_open);
+  EXPECT_TRUE(leg.added_rad_s.empty());
 }
 
 TEST(LogRow, shows_the_state_of_its_plant) {
