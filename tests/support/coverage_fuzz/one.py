@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 
 import atheris
@@ -12,6 +13,9 @@ from support.coverage_fuzz.plain_loaders import PlainLoaders
 # Compiled parsers (pydantic, Arrow, SQLite) are not seen.
 _DOOR = PACKAGES[sys.argv[1]]
 with PlainLoaders(_DOOR), atheris.instrument_imports(include=list(_DOOR)):
+    # Also what the door loads only when it is first used.
+    for _name in _DOOR:
+        importlib.import_module(_name)
     from support.coverage_fuzz.run import CPU_MAX_S, judge
     from support.coverage_fuzz.targets import TARGETS
 
