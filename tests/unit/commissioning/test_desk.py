@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import Commissioning, Outcome, Step, StepResult
-from gantryctl.commissioning.in_service.board import Board
+from gantryctl.commissioning import STEPS, Commissioning, Outcome, Step, StepResult
+from gantryctl.commissioning.in_service.board import Board, offered
 from gantryctl.commissioning.in_service.desk import Desk
 from gantryctl.commissioning.in_service.tags import fast_tags
 from gantryctl.commissioning.watch import Seen, StepWatch
@@ -453,6 +453,18 @@ def test_a_step_ends_when_nobody_listens_any_more(free_room: Room, monkeypatch: 
     later_s = halt._now_s() + 60.0
     monkeypatch.setattr(halt, "_now_s", lambda: later_s)
     assert halt.asked()
+
+
+def test_a_desk_that_looks_is_heard(free_room: Room) -> None:
+    """Each look is a sign of life for the step."""
+    halt = free_room.desk.halt
+    halt._now_s = lambda: 7000.0
+    free_room.desk.look()
+    assert halt._listened_s == 7000.0
+
+
+def test_a_page_has_no_step_that_needs_hands_or_an_instrument() -> None:
+    assert {step.key for step in STEPS if not offered(step)} == {"wiring", "accuracy"}
 
 
 def test_without_a_journal_no_step_begins(room: Room) -> None:

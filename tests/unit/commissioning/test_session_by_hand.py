@@ -121,6 +121,7 @@ def test_the_controller_is_told_whether_the_commissioning_has_ended_as_it_should
     assert done == [("brake", 0), *([] if broken else ["kept"])]
     assert seen.words[Word.CONTROLLER_CLEAN] == (0 if broken else 1)
     assert desk.did == ["close"]
+    assert desk.told[0] == ("service", "commissioning began: m")
 
 
 @pytest.mark.parametrize("complete", [False, True])
