@@ -263,7 +263,12 @@ TEST(RunJobs, gives_every_plant_the_bits_that_it_has_alone) {
   Population alone(kPlants);
   alone.run_alone();
   EXPECT_NE(alone.results[0][0].max_torque_motor_nm, alone.results[7][0].max_torque_motor_nm);
-  EXPECT_NE(alone.compensations[4].s.lead_sums[0], Population(5).compensations[4].s.lead_sums[0]);
+  // Some have learned from a leg that they followed at constant speed.
+  const Population fresh(kPlants);
+  std::size_t learned = 0;
+  for (std::size_t k = 0; k < kPlants; ++k)
+    learned += alone.compensations[k].s.lead_sums[0] != fresh.compensations[k].s.lead_sums[0];
+  EXPECT_GT(learned, 0u);
   for (const Kernels* kernels : supported_kernels())
     for (int threads : {1, 3}) {
       SCOPED_TRACE(kernels->name);
