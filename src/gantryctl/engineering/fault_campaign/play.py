@@ -16,6 +16,7 @@ from gantryctl.engineering.fault_campaign.scenario import Action, Scenario
 from gantryctl.engineering.faults.bench import FaultBench, FaultLog
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.injection import Injection
+from gantryctl.engineering.faults.kinds.kind import Place
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.excused import EXCUSED
 from gantryctl.engineering.faults.oracle.limits import reference_bounds
@@ -156,6 +157,8 @@ class _Run:
         known, now = axis.known, axis.now()
         if each.kind == "slow":
             known.brake_late_s = each.values["late_s"]
+        if (each.where, each.kind) == (Place.BRAKE, "torque"):
+            known.brake_share = each.values["share"]
         if each.kind == "silent" and each.values["which"] == "io":
             # The brake that it works falls with the watchdog relay, which waits for an edge that does not come.
             known.brake_late_s = max(known.brake_late_s, bench.machine.can.watchdog_ms * 1e-3)

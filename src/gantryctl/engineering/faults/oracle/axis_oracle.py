@@ -476,10 +476,12 @@ class AxisOracle:
 
     def _allowed_deg(self, kind: StopClass, from_deg_s: float, way: float) -> float:
         """Permitted way of a class: by the machine file, and where that is passed by the plant that is there."""
-        # A late brake adds its delay times the speed, where it is what stops the axis.
-        late_s = self.known.late_s + (0.0 if kind is StopClass.QUICK else self.known.brake_late_s)
-        bounds, late_deg = self.bounds, abs(from_deg_s) * late_s
-        known = bounds.way_deg(kind, from_deg_s) + late_deg
-        if way > known and bounds.plant_way_deg is not None:
-            known = max(known, bounds.plant_way_deg(kind, from_deg_s) + late_deg)
-        return known
+        known, bounds, late_s, share = self.known, self.bounds, self.known.late_s, 1.0
+        if kind is not StopClass.QUICK:
+            # The brake stops the axis: one that is late adds its delay times the speed, a weak one divides.
+            late_s, share = late_s + known.brake_late_s, known.brake_share
+        late_deg = abs(from_deg_s) * late_s
+        allowed = bounds.way_deg(kind, from_deg_s) + late_deg
+        if way * share > allowed and bounds.plant_way_deg is not None:
+            allowed = max(allowed, bounds.plant_way_deg(kind, from_deg_s) + late_deg)
+        return allowed / share if share > 0.0 else math.inf

@@ -19,7 +19,7 @@ class KnownFaults:
         no_ramp: a brake or too little torque takes its ramp from a quick stop, which has the class torque off.
         pulls_away: the load may be taken away, and the position loop answers.
         late_s: the axis goes on for so long before a fault shows.
-        brake_late_s: a fault lets the brake close so much later.
+        brake_late_s: a fault lets the brake close so much later. brake_share: what is left of its torque.
         reading_late_s: a fault delays every telegram of the drive by so much: none carries its time, so behind the gap
             at the beginning nothing shows it.
         contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
@@ -31,6 +31,7 @@ class KnownFaults:
         self.onset: Instant | None = None
         self.no_ramp = self.pulls_away = self.contact_lies = False
         self.late_s = self.brake_late_s = self.reading_late_s = 0.0
+        self.brake_share = 1.0
         self.held: HeldUp | None = None
         self._onset_of_feedback = self._disobeys = False
 

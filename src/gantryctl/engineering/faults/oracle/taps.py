@@ -220,6 +220,8 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
             if axis is not None:
                 if name == "brake_close_slow_s":
                     axis.known.brake_late_s = faults.brake_close_slow_s
+                if name == "brake_torque_share":
+                    axis.known.brake_share = faults.brake_torque_share
                 axis.known.inject(
                     axis.now(),
                     feedback=name in _FEEDBACK,
