@@ -14,6 +14,7 @@ from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.engineering.faults.oracle.axis_oracle import Violation
 from gantryctl.errors import UsageError
+from gantryctl.program.power.sequence import PowerSequence
 
 pytestmark = pytest.mark.can
 
@@ -64,6 +65,7 @@ def test_every_cell_of_the_matrix_has_one_number() -> None:
     assert {each.scan_ms for each in sample} == {1.0, 4.0, 10.0}
     assert len({each.angle_deg for each in sample}) == 12
     assert len({each.case.number for each in sample}) == len(CATALOGUE)
+    assert {(each.drive, each.beside) for each in sample} == {("sim", False), ("bus", False), ("bus", True)}
     with pytest.raises(UsageError, match="has cells 0 to"):
         cell(CELLS)
 
@@ -79,6 +81,8 @@ def at(
 def test_a_cell_without_sense_has_its_reason() -> None:
     assert no_sense(at("E1", Phase.CRUISE)) == "only on a bus"
     assert no_sense(at("A4", Phase.CRUISE, "bus")) == "only on the simulated drive"
+    assert no_sense(at("E20", Phase.CRUISE, "bus")) == "only with nodes beside the drive"
+    assert no_sense(at("E20", Phase.CRUISE, "bus")._replace(beside=True)) == ""
     assert (
         no_sense(at("A2", Phase.HOLD))
         == "phase 'held by torque because the brake is not trusted': for its own rows"
@@ -88,6 +92,19 @@ def test_a_cell_without_sense_has_its_reason() -> None:
         run_cell(at("A2", Phase.CRUISE, angle_deg=-165.0))["refused"]
         == "the run-up does not fit into the travel"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("waits", [False, True])
+def test_a_drive_off_the_bus_is_run_with_nodes_beside_it(
+    waits: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """E9 at standstill under torque: a brake on the I/O node that waits for the heartbeat of the drive is found."""
+    if waits:
+        monkeypatch.setattr(PowerSequence, "_stop_unseen", lambda self, elapsed_s: None)
+    found = run_cell(at("E9", Phase.ENABLED, "bus")._replace(beside=True))
+    assert found["refused"] == ""
+    assert any("INV-6" in each for each in found["violations"]) is waits
 
 
 def test_a_cell_is_run_and_judged() -> None:

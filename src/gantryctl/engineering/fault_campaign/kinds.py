@@ -22,7 +22,7 @@ from gantryctl.errors import UsageError
 Kind = Literal["random", "pairs", "wide", "matrix"]
 KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "wide", "matrix")
 # Of the way scenarios of a kind are drawn: another number gives other scenarios, and no result goes on with them.
-_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "wide": 1, "matrix": 1}
+_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "wide": 1, "matrix": 2}
 _DRAWS: Final = {"random": random_scenario, "pairs": pair_scenario, "wide": wide_scenario}
 
 

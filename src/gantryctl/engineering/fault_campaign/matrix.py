@@ -1,4 +1,5 @@
-"""Each fault of the catalogue in each phase, at each speed, angle and scan period, on each drive.
+"""Each fault of the catalogue in each phase, at each speed, angle and scan period, on each bench: the simulated drive,
+the virtual one on its bus, and that with nodes beside it, where the I/O node has the brake.
 
 The cells are numbered with a stride, so that every part of the matrix is a sample of the whole: run k is cell k times
 the stride. A cell that makes no sense has a row with its reason; none is missing.
@@ -22,13 +23,14 @@ from gantryctl.engineering.faults.run import DriveKind, FaultResult, run_fault
 from gantryctl.errors import ConfigError, UsageError
 from gantryctl.program.alarms.codes import Code
 
-DRIVES: Final[tuple[DriveKind, ...]] = ("sim", "bus")
+BENCHES: Final[tuple[tuple[DriveKind, bool], ...]] = (("sim", False), ("bus", False), ("bus", True))
+"""Drive, and whether it has nodes beside it."""
 PHASES: Final = tuple(Phase)
 SPEEDS_DEG_S: Final = (6.0, 4.5, 3.0, 1.0, 0.6)
 ANGLES_DEG: Final = tuple(-165.0 + 30.0 * number for number in range(12))
 SCANS_MS: Final = (1.0, 4.0, 10.0)
 CELLS: Final = (
-    len(CATALOGUE) * len(DRIVES) * len(PHASES) * len(SPEEDS_DEG_S) * len(ANGLES_DEG) * len(SCANS_MS)
+    len(CATALOGUE) * len(BENCHES) * len(PHASES) * len(SPEEDS_DEG_S) * len(ANGLES_DEG) * len(SCANS_MS)
 )
 # A prime far from every divisor of the number of cells: each cell comes once.
 _STRIDE: Final = 100_003
@@ -48,12 +50,14 @@ class Cell(NamedTuple):
     angle_deg: float
     scan_ms: float
     brake_owner: BrakeOwner
+    beside: bool = False
 
     @property
     def text(self) -> str:
         """For people."""
         return (
-            f"{self.case.number} in '{self.phase.value}', {self.drive}, {self.speed_deg_s:g} deg/s at "
+            f"{self.case.number} in '{self.phase.value}', {self.drive}{' with nodes' if self.beside else ''}, "
+            f"{self.speed_deg_s:g} deg/s at "
             f"{self.angle_deg:g} deg, scan {self.scan_ms:g} ms"
         )
 
@@ -76,18 +80,19 @@ def cell(number: int) -> Cell:
     left, angle = divmod(left, len(ANGLES_DEG))
     left, speed = divmod(left, len(SPEEDS_DEG_S))
     left, phase = divmod(left, len(PHASES))
-    row, drive = divmod(left, len(DRIVES))
-    case = CATALOGUE[row]
+    row, bench = divmod(left, len(BENCHES))
+    case, (drive, beside) = CATALOGUE[row], BENCHES[bench]
     sign = 1.0 if angle % 2 == 0 else -1.0
-    owner: BrakeOwner = "object_60FE" if drive == 1 and not case.beside and (angle + speed) % 2 else "drive"
+    owner: BrakeOwner = "object_60FE" if drive == "bus" and not beside and (angle + speed) % 2 else "drive"
     return Cell(
         case,
-        DRIVES[drive],
+        drive,
         PHASES[phase],
         sign * SPEEDS_DEG_S[speed],
         ANGLES_DEG[angle],
         SCANS_MS[scan],
         owner,
+        beside,
     )
 
 
@@ -95,6 +100,8 @@ def no_sense(at: Cell) -> str:
     """Why a cell makes no sense, known before it is run; "" if it does."""
     if at.drive not in at.case.buses:
         return "only on a bus" if at.drive == "sim" else "only on the simulated drive"
+    if at.case.beside and not at.beside:
+        return "only with nodes beside the drive"
     if at.phase in _OF_THEIR_ROWS and at.phase is not at.case.phase:
         return f"phase '{at.phase.value}': for its own rows"
     if at.moves and at.case.number in _AT_STANDSTILL:
@@ -116,7 +123,13 @@ def run_cell(at: Cell) -> dict[str, Any]:
     with tapped(), watching(Oracle()) as oracle:
         try:
             result = run_fault(
-                case, at.speed_deg_s, at.angle_deg, at.scan_ms, at.drive, brake_owner=at.brake_owner
+                case,
+                at.speed_deg_s,
+                at.angle_deg,
+                at.scan_ms,
+                at.drive,
+                brake_owner=at.brake_owner,
+                beside=at.beside,
             )
         except UsageError as wrong:
             return about | {"refused": _reason(str(wrong))}

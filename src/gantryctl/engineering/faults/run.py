@@ -203,6 +203,7 @@ def run_fault(
     brake_owner: BrakeOwner = "drive",
     eccentric_knm: float | None = None,
     machine: Machine | None = None,
+    beside: bool = False,
 ) -> FaultResult:
     """Run one case in virtual time, on the engine and the program of the product.
 
@@ -210,6 +211,7 @@ def run_fault(
         speed_deg_s, angle_deg, scan_ms, eccentric_knm: see `Conditions`; those of the machine where not given.
         kind: the simulated drive in process, or the virtual drive behind a bus.
         machine: the reference gantry when not given.
+        beside: with the nodes beside its drive, also for a case that is of none of them.
 
     Raises:
         UsageError: the case is not for this drive, or the sound axis does not reach the phase.
@@ -218,7 +220,8 @@ def run_fault(
     if kind not in case.buses:
         needed = "a drive on a bus: --bus" if kind == "sim" else "the simulated drive"
         raise UsageError(f"{case.number} '{case.title}' needs {needed}")
-    base = machine or base_machine(kind, beside=case.beside)
+    beside = beside or case.beside
+    base = machine or base_machine(kind, beside=beside)
     usual = conditions_of(base, speed_deg_s)
     speed_deg_s, angle_deg = usual.speed_deg_s, usual.angle_deg if angle_deg is None else angle_deg
     built = fault_machine(
@@ -228,7 +231,7 @@ def run_fault(
         usual.scan_ms if scan_ms is None else scan_ms,
         brake_owner,
         eccentric_knm,
-        beside=case.beside,
+        beside=beside,
     )
     axis = built.axis
     angle_deg = finite(angle_deg, "angle in deg", axis.pos_min_deg, axis.pos_max_deg)
