@@ -14,7 +14,7 @@ import pytest
 
 from gantryctl.engineering.faults.bench import BrakeOwner
 from gantryctl.engineering.faults.case import FaultCase
-from gantryctl.engineering.faults.catalogue import CATALOGUE
+from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.run import DriveKind, run_fault
 from support.fault_rows import seen_by
@@ -125,3 +125,18 @@ def test_a_fault_is_answered_in_time_and_told_truly(case: FaultCase, oracle: Ora
 @pytest.mark.parametrize("case", rows())
 def test_a_fault_is_answered_at_every_scan_period_speed_and_drive(case: FaultCase, oracle: Oracle) -> None:
     assert against(case, ALL) + seen_by(oracle, case) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed_deg_s", [0.6, 0.8, 3.0])
+def test_an_encoder_on_the_ring_shows_a_coupling_that_slips(speed_deg_s: float) -> None:
+    """A tenth slips, so both encoders differ by 0.05 deg after half a degree; it is told 20 ms and some scans later."""
+    found = run_fault(fault_case("A17"), speed_deg_s, ANGLE_DEG, 4.0, "bus", beside=True)
+    assert found.first_out == "ENC-07"
+    assert found.moments[0].time_s - found.onset_s <= 0.05 / (0.1 * speed_deg_s) + 0.020 + 3.0 * 0.004
+    assert not found.position_valid
+
+
+def test_without_it_the_oracle_finds_the_wrong_angle(oracle: Oracle) -> None:
+    run_fault(fault_case("A17"), 0.8, ANGLE_DEG, 10.0)
+    assert oracle.caught("INV-7")

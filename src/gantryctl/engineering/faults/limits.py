@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
 
-from gantryctl.engineering.faults.case import ReactionClass, SeenBy
+from gantryctl.engineering.faults.case import FaultCase, ReactionClass, SeenBy
+from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.machine import Machine
 from gantryctl.machine.reference import is_reference_machine
@@ -53,6 +55,20 @@ _HOT_S: Final = 0.1
 _DRAGS_S: Final = 1.7
 # How long the ramp of a quick stop must be left (`program.power.ramp_watch`).
 _LEFT_RAMP_S: Final = 0.050
+
+
+def reaction_of(machine: Machine, case: FaultCase, injections: Iterable[Injection]) -> ReactionClass:
+    """Class of a case on this machine, injected so.
+
+    A controller that is late by the deadline of its drive finds that it has stopped by itself: F2 at scans of 10 ms.
+    """
+    late_ms = max((1e3 * each.values["late_s"] for each in injections if each.kind == "stall"), default=0.0)
+    passed = machine.on_bus and late_ms + machine.control.scan_period_ms >= machine.can.rpdo_deadline_ms
+    return (
+        ReactionClass.DRIVE_DEADLINE
+        if passed and case.reaction is ReactionClass.QUICK_STOP
+        else case.reaction
+    )
 
 
 def limit_deg(

@@ -17,7 +17,7 @@ from gantryctl.engineering.faults.bench import (
 )
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
 from gantryctl.engineering.faults.injection import finite
-from gantryctl.engineering.faults.limits import limit_deg
+from gantryctl.engineering.faults.limits import limit_deg, reaction_of
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.machine.places import heaviest_deg, reach_deg
@@ -304,7 +304,7 @@ def _judged(
     refused = () if refusal is None or axis.refusal_count == before.refusals else (refusal.code.value,)
     first_out = first.code.value if first is not None else ""
     speed = abs(speed_deg_s) if case.phase.moves else 0.0
-    limit = limit_deg(machine, case.reaction, speed, case.seen_by)
+    limit = limit_deg(machine, reaction_of(machine, case, case.injections), speed, case.seen_by)
     true_deg = bench.pos_deg + offset_deg
     result = FaultResult(
         number=case.number,

@@ -27,7 +27,7 @@ from gantryctl.engineering.fault_campaign.judging.effects import effect_of
 from gantryctl.engineering.fault_campaign.machines import base_machine, base_of
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
-from gantryctl.engineering.faults.limits import held_up_deg, limit_deg
+from gantryctl.engineering.faults.limits import held_up_deg, limit_deg, reaction_of
 from gantryctl.machine import Machine
 
 _CLASSES: Final = frozenset(
@@ -92,16 +92,19 @@ class Way:
         self._faults = [*before, fault]
         self.number, self._begin_s, self._from_deg = fault.number, time_s, angle_deg
         self.way_deg = 0.0
-        self._parts: list[tuple[FaultCase, float, float]] = [(fault.case, 0.0, speed_deg_s)]
+        self._parts: list[tuple[FaultCase, float, float]] = [(self._met(fault), 0.0, speed_deg_s)]
         self._rested_s: float | None = None
         self._asked_deg_s = speed_deg_s
         self.bounded = not any(each.number in _UNBOUNDED for each in self._faults)
+
+    def _met(self, fault: PlannedFault) -> FaultCase:
+        return replace(fault.case, reaction=reaction_of(self._machine, fault.case, fault.injections()))
 
     def also(self, fault: PlannedFault, speed_deg_s: float) -> None:
         """Another fault begins on the way."""
         self._faults.append(fault)
         self.bounded = self.bounded and fault.number not in _UNBOUNDED
-        case = _on_the_way(fault.case)
+        case = _on_the_way(self._met(fault))
         if case is not None:
             self._parts.append((case, self.way_deg, speed_deg_s))
 

@@ -30,7 +30,7 @@ class SpeedOnWire:
         # Replaced by `bind`.
         self._shipped = True
         self.settled = self._dither = self._sag = self._slope = math.inf
-        self._kpp = 0.0
+        self._kpp = self._apart = 0.0
 
     def bind(self, settings: AxisSettings, *, shipped: bool) -> None:
         """From now on a program with these settings commands it; one of somebody's own moves by its own logic."""
@@ -38,6 +38,8 @@ class SpeedOnWire:
         motor_deg = ratio * math.pi / 180.0
         self._shipped = shipped
         self._kpp = settings.law.kpp_per_s
+        both = settings.compensation
+        self._apart = ratio * both.disagreement_rad if both is not None and both.load_encoder else 0.0
         self.settled = self._bounds.regulation_deg_s * motor_deg
         self._dither = self._bounds.dither_deg * motor_deg
         self._sag = self._bounds.sag_deg * motor_deg
@@ -114,9 +116,10 @@ class SpeedOnWire:
 
         So it does long after a drive began to turn the other way, or where a load has become too much for the torque,
         and nobody has to ask for it, no further than may be moved without a reason. The command of rest may be off by
-        the regulation, a reading on a bus is some scans old.
+        the regulation, a reading on a bus is some scans old. A loop through an encoder on the ring answers the
+        way of the load, off that of the motor by what both may differ by (B8: friction holds a motor without torque).
         """
         way = true.angle - self._rest_angle
         late = 1e-3 * true.scans_ms(READING_SCANS) * abs(true.speed)
-        answers = abs(vel + self._kpp * way) <= self.settled + self._kpp * late
+        answers = abs(vel + self._kpp * way) <= self.settled + self._kpp * (late + self._apart)
         return answers and abs(way) <= self._sag

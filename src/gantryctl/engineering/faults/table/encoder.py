@@ -235,8 +235,8 @@ ENCODER: Final = (
             "test_a_tenth_that_slips_at_once_is_seen_from_a_fifth_of_a_degree_per_second_on",
         ),
         State.PARTLY,
-        "the measured runs see a slip of a tenth at 6 deg/s, and not at 3 and 1 deg/s; one that "
-        "grows slowly agrees with itself in every "
+        "the measured runs see a slip of a tenth at 6 deg/s, and not at 3 and 1 deg/s; an encoder on the ring shows it "
+        "at 0.05 deg, after half a degree of way at any speed; one that grows slowly agrees with itself in every "
         "signal that a drive has, and only a load-side encoder or a mark on the load tells",
     ),
     Row(
