@@ -117,8 +117,10 @@ struct Population {
     p.backlash_slow = 0.003;
   }
 
-  // What was seen of moment and lost motion before: the moment is known.
+  // A law that goes on: what was seen of moment and lost motion before, and the moment is known.
   static void remember(CompensationState<double>& s, double k) {
+    s.started = true;
+    s.bias_rad = 1e-7 * k;
     s.info_sine = s.info_cosine = s.info_friction = 1e3 + k;
     for (std::size_t n = 0; n < kLeadSums; ++n) s.lead_sums[n] = 1.0 + 0.1 * k + static_cast<double>(n);
   }
@@ -371,6 +373,20 @@ TEST(Kernels, are_those_of_this_processor) {
   EXPECT_EQ(found, names);
 }
 #endif
+
+TEST(RunCommand, is_scan_after_scan_of_one_command) {
+  constexpr std::size_t kScans = 50;
+  GantrySim<double> sim = Population(1).sims[0], by_hand = sim;
+  const DriveCommand<double> command{DriveMode::kSpeed, 2.0, 1.0};
+  std::vector<double> rows(kScans * sizeof(LogRow<double>) / sizeof(double));
+  run_command(sim, command, true, {rows.data(), kScans});
+  for (std::size_t k = 0; k < kScans; ++k) {
+    EXPECT_EQ(rows[7 * kScans + k], by_hand.x.pos_load);
+    by_hand.scan(command, true);
+  }
+  EXPECT_EQ(sim.x.pos_load, by_hand.x.pos_load);
+  EXPECT_NE(sim.x.pos_load, rows[7 * kScans]);
+}
 
 TEST(RunPlan, is_scan_after_scan_of_the_same_functions) {
   constexpr std::size_t kScans = 300;
