@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
@@ -292,6 +293,16 @@ def grows_at_the_torque_limit(parts: Parts, x: float) -> bool:
     return "CTL-07" in parts.codes
 
 
+def turns_off_its_command(parts: Parts, x: float) -> bool:
+    """Beside a set-point that rests: entered once it is beyond the limit."""
+    watch = monitors_of(parts)
+    entered = []
+    watch._oscillation = SimpleNamespace(scan=entered.append)
+    parts.feedback.vel_rad_s = x
+    watch.scan(0.0, 0.0, x * RATIO)
+    return bool(entered)
+
+
 def torque_of(parts: Parts, torque_nm: float) -> TorqueWatch:
     parts.feedback.torque_nm = torque_nm
     return TorqueWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
@@ -323,6 +334,15 @@ def loses_its_torque(parts: Parts, x: float) -> bool:
     watch = torque_of(parts, 0.0)
     parts.turn(3.0)
     return scans(parts, lambda: watch.scan(x, 0.0), 60)
+
+
+def loses_its_torque_at_once(parts: Parts, x: float) -> bool:
+    """All of 100 N m is gone: what it had is suspected whatever the speed."""
+    watch = torque_of(parts, 100.0)
+    parts.turn(3.0)
+    parts.feedback.torque_nm = 0.0
+    scans(parts, lambda: watch.scan(x, 0.0), 55)
+    return "DRV-13" in parts.codes
 
 
 def lives_of(parts: Parts) -> Liveness:
@@ -361,6 +381,7 @@ MONITORS: dict[str, tuple[Acts, float]] = {
     "deviation of the speed": (does_not_obey, rad(0.5)),
     "deviation without a ramp": (gets_no_ramp, rad(0.5)),
     "swing": (swings, 0.4 * rad(0.5)),
+    "scan of a swing": (turns_off_its_command, 0.4 * rad(0.5)),
     "overspeed": (is_too_fast, rad(6.6)),
     "overspeed without a ramp": (is_far_too_fast, 1.2 / 1.1 * rad(6.6)),
     "over-travel": (is_beyond, rad(180.5)),
@@ -375,6 +396,7 @@ MONITORS: dict[str, tuple[Acts, float]] = {
     "torque while off": (has_torque_while_off, 0.1 * 257.0),
     "torque that is none": (has_torque, 0.02 * 257.0),
     "deviation without torque": (loses_its_torque, 0.1 * rad(0.5)),
+    "deviation as the torque goes": (loses_its_torque_at_once, 0.1 * rad(0.5)),
     "torque of a standing count": (stands_under_torque, 15.0),
     "torque that leaves a standing count": (torque_leaves, 15.0),
     "torque of the wrong sign": (pushes_with_all, 0.8 * 385.0),

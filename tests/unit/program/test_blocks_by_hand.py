@@ -149,6 +149,14 @@ def test_inch_moves_one_increment_per_edge(rig):
     keys(rig, inch, backward=True, **arguments)
     rig.until(lambda: inch.done)
     assert rig.ref_deg == pytest.approx(0.0, abs=1e-5)
+    for key in ("forward", "backward"):
+        keys(rig, inch, **{key: True}, **arguments)
+        rig.until(lambda: inch.done)
+        rig.run(0.1)
+        assert inch.done, "as long as its key is held"
+        keys(rig, inch, **arguments)
+        rig.step()
+        assert not inch.done
 
 
 def test_inch_edges_while_moving_are_refused_not_queued(rig):
