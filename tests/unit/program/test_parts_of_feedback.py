@@ -656,3 +656,11 @@ def test_a_sign_that_turns_is_told_with_what_may_turn_round_of_it(speeds, limit,
     values = parts.alarms.active[Code.ENC_14].values
     assert values["limit"] == approx(limit)
     assert values["measured"].values == approx({"before": way * speeds[0], "value": way * speeds[-1]})
+
+
+@BOTH
+def test_a_speed_that_comes_with_the_jump_does_not_explain_it(way):
+    """At rest, then 0.04 deg within 1 ms and 20 deg/s: 0.022 deg may lie beyond the speed of before, not of now."""
+    encoder = Encoder()
+    encoder.scan(step_deg=way * 0.04, speed_deg_s=way * 20.0)
+    assert "ENC-01" in encoder.codes
