@@ -228,3 +228,20 @@ def test_a_brake_test_that_is_not_under_way_is_not_aborted(phase):
     assert rig.axis.brake_test.outcome is BrakeTestOutcome.NONE
     rig.spoil = None
     rig.until(lambda: rig.axis.power.phase is P.ON, 3.0)
+
+
+def test_a_quick_stop_as_the_drive_opens_its_brake_lets_the_drive_close_it_first():
+    """It shows Switched on and is enabled by then: its own quick stop closes the brake, then the torque goes off."""
+    rig = Rig(config=settings(brake_by_drive=True, **HOLDS))
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON, brake_open=True)
+    rig.op(power=True)
+    rig.step()
+    rig.op(quick_stop=True)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.QUICK_STOP_ACTIVE, brake_open=True)
+    for _ in range(150):
+        assert rig.output.request is DriveRequest.QUICK_STOP
+        rig.step()
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCH_ON_DISABLED, brake_open=False)
+    rig.run(0.01)
+    assert rig.axis.is_off
+    assert rig.codes == ["INT-06"]

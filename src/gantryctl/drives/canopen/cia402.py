@@ -81,7 +81,8 @@ def next_controlword(state: DriveState, request: DriveRequest, previous: int) ->
     # never enables: both were seen on drives, or in libraries (decision 0012).
     if request is DriveRequest.ENABLE:
         return _TO_ENABLED.get(state, DISABLE_VOLTAGE)
-    if request is DriveRequest.QUICK_STOP and state in TURNING:
+    # In Switched on it is what "disable voltage" is; of a drive that is enabled by the next SYNC it is its quick stop.
+    if request is DriveRequest.QUICK_STOP and (state in TURNING or state is DriveState.SWITCHED_ON):
         return QUICK_STOP
     if request is DriveRequest.FAULT_RESET and state is DriveState.FAULT and not previous & FAULT_RESET:
         return FAULT_RESET

@@ -29,6 +29,8 @@ _UNLOAD_STEPS: Final = 3
 # that more on an orderly way down: then it is told to take the torque off at once, whether it has closed the brake or
 # not (`drives.canopen.brake`), so people are told in the same scan. Of fault D3: 0.4 s in all.
 _DISABLED_S: Final = 0.2
+# What a drive does at a SYNC is shown so much later, at most.
+_SHOWN_SCANS: Final = 3
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ON: Final = PowerPhase.ON
 _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
@@ -214,7 +216,11 @@ class PowerSequence:
         elif self.phase is _ON or self.phase in _BRAKE_OPENING:
             self._enter(PowerPhase.QUICK_STOPPING)
         elif self.phase in RISING:
+            opens = self._opens_by_drive
             self._enter(PowerPhase.DISABLING)
+            # Enabled by now it closes its brake first and then takes the torque off; told to disable, it would not.
+            if opens:
+                self.request = DriveRequest.QUICK_STOP
         elif self.phase in _BRAKE_CLOSING:
             # The way down goes on, at rest as the drive's own ramp ends, and no longer as an enabled axis.
             self.request = DriveRequest.QUICK_STOP
@@ -423,10 +429,10 @@ class PowerSequence:
         return enough and self._twist.stood(gone_nm)
 
     def _disabling(self, _pos_rad: float) -> None:
-        if self._feedback.state not in ENABLED:
-            self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
-        else:
+        if self._feedback.state in ENABLED:
             self._torque_kept(self._disabling_scans)
+        elif self.request is DriveRequest.DISABLE or self._count > _SHOWN_SCANS:
+            self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
 
     def _torque_kept(self, limit: int) -> None:
         """Raise DRV-03 for a drive that shows after so many scans that it has not taken its torque off."""

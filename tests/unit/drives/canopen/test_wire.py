@@ -256,11 +256,11 @@ def test_an_answer_that_another_one_contradicts_is_not_used() -> None:
 # --- the two functions of CiA 402 ---------------------------------------------------------------------------------
 
 S, R = DriveState, DriveRequest
-# Transitions 2 to 5 up (06, 07, 0F), 7 to 10 and 12 down (00), 11 quick stop (02), 15 reset (80).
+# Transitions 2 to 5 up (06, 07, 0F), 7 to 10 and 12 down (00), 10 or 11 quick stop (02), 15 reset (80).
 WORDS = {
     S.SWITCH_ON_DISABLED: {R.ENABLE: 0x06},
     S.READY_TO_SWITCH_ON: {R.ENABLE: 0x07},
-    S.SWITCHED_ON: {R.ENABLE: 0x0F},
+    S.SWITCHED_ON: {R.ENABLE: 0x0F, R.QUICK_STOP: 0x02},
     S.OPERATION_ENABLED: {R.ENABLE: 0x0F, R.QUICK_STOP: 0x02},
     S.QUICK_STOP_ACTIVE: {R.ENABLE: 0x02, R.QUICK_STOP: 0x02},
     S.FAULT: {R.FAULT_RESET: 0x80},

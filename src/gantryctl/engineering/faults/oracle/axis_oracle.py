@@ -14,7 +14,7 @@ from gantryctl.engineering.faults.oracle.load import Load
 from gantryctl.engineering.faults.oracle.silence import Silence
 from gantryctl.engineering.faults.oracle.speed import SpeedOnWire
 from gantryctl.engineering.faults.oracle.stretch import stretch_around
-from gantryctl.engineering.faults.oracle.told import ToldAngle
+from gantryctl.engineering.faults.oracle.told import READING_SCANS, ToldAngle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
@@ -427,6 +427,10 @@ class AxisOracle:
     def _torque_on(self, now: int) -> None:
         self._load.torque_on(now)
         by_person = self._asked is not None and self._asked.power(now)
+        # What was commanded before the alarm acts at the SYNC after it; an ENABLE behind it is found on the wire.
+        stop = self._stop
+        if stop is not None and now - stop.told.ms <= self.scans_ms(READING_SCANS):
+            return
         if self._latched is not None and not self._holding():
             self.say("INV-5", f"torque came on while {self._latched.code} is latched")
         elif self._shipped and not by_person and not self._holding():
