@@ -122,6 +122,26 @@ def test_the_way_of_a_command_begins_where_the_drive_was_enabled() -> None:
         axis.run(0.1, speed_deg_s=0.3)
 
 
+def test_what_the_shaft_did_in_the_scan_in_which_the_drive_became_enabled_is_no_way_of_the_command() -> None:
+    """It had no torque before: 0.06 deg, where 0.05 deg from the command are allowed to a drive that stands."""
+    drive = HandDrive()
+    axis = axis_of(drive)
+    drive.deg += 0.06
+    axis.run(0.1)
+    drive.deg += 0.06
+    with pytest.raises(AlarmStop, match=r"turned by \+0\.060 deg"):
+        axis.scan(ENABLE)
+
+
+def test_a_position_that_is_no_number_is_on_no_leash() -> None:
+    drive = HandDrive()
+    axis = axis_of(drive, following=False)
+    drive.spoil = lambda seen: seen._replace(pos_act_counts=math.nan)  # type: ignore[arg-type]
+    with pytest.raises(AlarmStop, match=r"the axis moved \+nan deg, 10 deg were allowed"):
+        axis.scan(ENABLE)
+    assert drive.wrote[-1] == SAFE_OUTPUT
+
+
 @pytest.mark.parametrize(("start_deg", "shown_deg"), [(90.0, 90.3), (-90.0, -89.7), (math.nan, None)])
 def test_people_see_the_angle_of_the_gantry_and_its_speed(start_deg: float, shown_deg: float | None) -> None:
     """A second at 0.3 deg/s from where it stood; without a zero offset nobody knows the angle."""

@@ -48,4 +48,9 @@ def test_the_same_readings_pass_and_fail_by_the_requirement(
     assert "by tracker (certificate D-K-4711), simulated" in result.proof
     # Two readings of 0.00001 deg make a chord: the root of two, and twice that.
     assert result.number("chord_expanded_uncertainty_deg") == pytest.approx(2.828e-5, rel=1e-3)
+    # Six chord errors e of +-0.003 deg: S is 0.003 deg times the root of 6 / 5, and A is 6 S.
+    assert result.number("largest_chord_error_deg") == pytest.approx(0.003, rel=1e-3)
+    assert result.number("a_deg") == pytest.approx(0.019718, rel=1e-4)
+    # A changes with each by 6 e / (5 S), in all by the root of 36 / 5, and each is known to 1.414e-5 deg; k = 2.
+    assert result.number("a_expanded_uncertainty_deg") == pytest.approx(7.589e-5, rel=1e-3)
     assert "D-K-4711" in (tmp_path / "accuracy" / "report.html").read_text(encoding="utf-8")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,17 +14,19 @@ from gantryctl.commissioning import STEPS, Commissioning, Outcome, Step, StepRes
 from gantryctl.commissioning.in_service.board import Board, offered
 from gantryctl.commissioning.in_service.desk import Desk
 from gantryctl.commissioning.in_service.tags import fast_tags
+from gantryctl.commissioning.results import Figure
 from gantryctl.commissioning.watch import Seen, StepWatch
 from gantryctl.engineering.report.meter import Meter
 from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.operation.client import Stop
+from gantryctl.operation.ledger import LedgerRow, Standing
 from gantryctl.operation.store import StateStore
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import FAST, Snapshot
 from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.limits import ARMED_S, SILENCE_S, VIEW_MAX_S, WATCHED_S
-from gantryctl.service.protocol.messages import WITHOUT_EPOCH, Identity, to_record
+from gantryctl.service.protocol.messages import WITHOUT_EPOCH, Identity, MessageRefused, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.protocol.tags import BY_NAME
 
@@ -323,6 +326,21 @@ def test_a_stop_from_any_page_ends_the_step(free_room: Room, kind: str, urgency:
     assert "vera" in free_room.desk.halt.why
 
 
+def test_of_two_stops_the_harder_counts(free_room: Room) -> None:
+    free_room.begun("velocity")
+    for kind, urgency in (("stop", Stop.RAMP), ("quick_stop", Stop.QUICK), ("stop", Stop.QUICK)):
+        assert free_room.ask(VIEWER, kind) == ""
+        assert free_room.desk.halt.urgency is urgency
+
+
+def test_a_step_that_ends_with_the_service_is_the_last_one(free_room: Room) -> None:
+    free_room.begun("velocity")
+    free_room.desk.end("the service ends")
+    free_room.desk.step_ended()
+    assert free_room.desk.next_order() is None
+    assert free_room.tags["commissioning"] == "ending"
+
+
 def test_a_stop_is_heard_behind_a_flood_of_commands(free_room: Room) -> None:
     free_room.begun("velocity")
     for _ in range(100):
@@ -431,6 +449,34 @@ def test_a_board_without_a_drive_is_not_complete(room: Room) -> None:
     shown = json.loads(room.memory.commissioning.read() or b"")
     assert (shown["machine"], shown["complete"], shown["note"]) == ("a machine", False, "no drive answers")
     assert shown["steps"] == shown["ledger"] == shown["open"] == []
+    with pytest.raises(MessageRefused):
+        room.board.step("identity")
+
+
+def test_a_board_tells_of_a_step_what_its_result_tells(room: Room) -> None:
+    result = StepResult(
+        "identity", Outcome.FAILED, "as it was", {"way_deg": Figure(0.5, None, 0.4)}, "what to do", 7.0, 5.0,
+        "2026-11-20", "eve",
+    )  # fmt: skip
+    rows = (LedgerRow("shown", Standing.PROVEN, "sign"), LedgerRow("left", Standing.LACKING, proof="brake"))
+    asked = next(each for each in STEPS if each.key == "identity")
+    progress = SimpleNamespace(results={"identity": result}, drive="maker 1")
+    work: Any = SimpleNamespace(
+        progress=progress, ledger=rows, steps=(asked,), machine=MACHINE, complete=False
+    )
+    room.board.show(work, "a note")
+    shown = json.loads(room.memory.commissioning.read() or b"")
+    assert shown.pop("steps") == [
+        {
+            "key": "identity", "title": "Identity", "does": asked.does, "moves": "", "offered": True,
+            "outcome": "failed", "proof": "as it was", "to_do": "what to do", "at": "2026-11-20", "by": "eve",
+            "figures": {"way_deg": {"value": 0.5, "low": None, "high": 0.4}},
+        }
+    ]  # fmt: skip
+    assert shown == {
+        "machine": MACHINE.name, "drive": "maker 1", "complete": False, "note": "a note",
+        "ledger": [row.text for row in rows], "open": [rows[1].text],
+    }  # fmt: skip
 
 
 def test_the_end_is_an_order(room: Room) -> None:

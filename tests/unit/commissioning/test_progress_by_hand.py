@@ -14,9 +14,10 @@ from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult, r
 from gantryctl.commissioning import run as commissioning_run
 from gantryctl.commissioning.results import Figure, Progress, load_progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
-from gantryctl.commissioning.watch import Halt, StepStopped
+from gantryctl.commissioning.watch import Halt, StepStopped, StepWatch
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.engineering.report.head import Judged
+from gantryctl.engineering.report.meter import Meter
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
@@ -98,6 +99,18 @@ def test_a_step_ends_when_nobody_has_listened_for_half_a_second(silent_s: float,
     assert not Halt(now_s=lambda: 1e9).asked()
 
 
+def test_a_run_ends_too_when_nobody_has_listened_for_half_a_second() -> None:
+    """Its program asks nobody: whoever looks at the run does."""
+    now = [100.0]
+    halt, run = Halt(listens=True, now_s=lambda: now[0]), SimpleNamespace(stop=Stop.NO)
+    observe = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), halt).observer()
+    halt._run = run  # type: ignore[assignment]
+    for wanted in (Stop.NO, Stop.RAMP):
+        observe(SimpleNamespace(time_s=0.0, angle_deg=0.0, speed_deg_s=0.0))  # type: ignore[arg-type]
+        assert run.stop is wanted
+        now[0] += 0.51
+
+
 def test_a_run_that_was_stopped_has_not_passed_however_it_ended() -> None:
     """The stop came with its last move: what the run has shown is not what was asked for."""
     halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
@@ -126,6 +139,31 @@ def test_the_report_shows_a_failed_step_as_failed(
     found = {key: StepResult(key, outcome, "") for key, outcome in results.items()}
     report._page(Progress("m", "h", results=found), (), None, None)  # type: ignore[arg-type]
     assert verdicts[0].judged is shown
+
+
+@pytest.mark.parametrize(
+    ("figure", "limit", "shown"),
+    [
+        (Figure(3.0), "", None), (Figure(3.0, low=5.0), "at least 5", Judged.FAIL),
+        (Figure(3.0, high=5.0), "at most 5", Judged.PASS), (Figure(3.0, 1.0, 2.5), "1 to 2.5", Judged.FAIL),
+        (Figure(3.0, 1.0, 5.0), "1 to 5", Judged.PASS), (Figure(None, high=5.0), "at most 5", Judged.FAIL),
+    ],
+)  # fmt: skip
+def test_a_report_holds_a_figure_against_its_limit_and_against_the_one_before(
+    figure: Figure, limit: str, shown: Judged | None
+) -> None:
+    row = report._row("ramp_deg_s2", figure, Figure(2.0))
+    value = "not measured" if figure.value is None else "3"
+    assert (row.name, row.value, row.unit) == ("ramp", value, "deg/s2")
+    assert (row.limit, row.judged, row.was) == (limit, shown, "2")
+    assert report._row("ramp_deg_s2", figure, None).was == ""
+
+
+def test_a_report_names_what_a_person_has_accepted_and_counts_what_lacks() -> None:
+    rows: Any = [SimpleNamespace(what=each.name, standing=each) for each in (*Standing, Standing.LACKING)]
+    view = report._view(Progress("m", "h"), rows, None)
+    assert [row.what for row in view["accepted"]] == ["ACCEPTED"]
+    assert view["lacking"] == 2
 
 
 @pytest.mark.parametrize(
@@ -202,6 +240,25 @@ def test_proofs_are_of_one_drive_with_one_software_and_its_nodes(
     monkeypatch.setattr(commissioning_run, "ledger_reasons", lambda machine, rows: reasons)
     with pytest.raises(CommandRefused, match="lacks everything"):
         work.start(again=False)
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_commissioning_from_the_start_keeps_no_proof(
+    made: Callable[..., Commissioning], monkeypatch: pytest.MonkeyPatch, again: bool
+) -> None:
+    """The same drive with the same software."""
+    work = made()
+    facts = SimpleNamespace(key="key", software="1.0")
+    stand_ins = {
+        "can_link": lambda _: SimpleNamespace(close=lambda: None), "ledger_reasons": lambda *_: (),
+        "ReadOnlyDrive": lambda *_: SimpleNamespace(rows=()), "known_of_model": lambda *_: (),
+    }  # fmt: skip
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(commissioning_run, name, stand_in)
+    monkeypatch.setattr(work, "_set_up", lambda: (facts, ()))
+    work.progress = replace(work.progress, drive="key", software="1.0", results=ALL_PASSED)
+    work.start(again=again)
+    assert bool(work.progress.results) is not again
 
 
 def test_who_agreed_to_little_is_asked_before_more(made: Callable[..., Commissioning]) -> None:

@@ -16,6 +16,7 @@ from gantryctl.commissioning.load_side.ring import (
     _standing,
     over_the_travel,
 )
+from gantryctl.machine import with_values
 from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of
 
 
@@ -58,6 +59,19 @@ def test_over_the_travel_offset_scale_and_reversal_are_told_apart() -> None:
     assert figures["ring_reversal_deg"].value == pytest.approx(0.004)
     assert figures["ring_most_apart_deg"].value == pytest.approx(0.01 + 170.0 * 50e-6 + 0.002)
     assert "ring minus motor +0.0100 deg, +50 ppm of the angle, +0.0040 deg between both ways" in text
+    # 0.01 deg of 67 108 864 increments in a turn.
+    assert figures["ring_zero_proposed_counts"].value == 1864
+    assert text.endswith("zero_counts = 1864 is proposed")
+
+
+@pytest.mark.parametrize(("sign", "within"), [(1.0, 0.25), (-1.0, 0.25), (1.0, 0.26), (-1.0, 0.26)])
+def test_a_ring_may_be_as_far_behind_the_motor_as_ahead(sign: float, within: float) -> None:
+    """0.255 deg both ways, all along the travel."""
+    machine = with_values(MACHINE, {"control.compensation.load_encoder.disagreement_deg": within})
+    motor, _, forward = travel()
+    most = over_the_travel(machine, motor, motor + sign * 0.255, forward)[1]["ring_most_apart_deg"]
+    assert most.value == pytest.approx(0.255)
+    assert most.within is (within > 0.255)
 
 
 def test_a_ring_without_an_angle_on_the_way_has_shown_nothing() -> None:

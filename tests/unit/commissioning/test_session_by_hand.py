@@ -15,7 +15,7 @@ from gantryctl.commissioning.load_side import chord_test
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.commissioning.run import Step
 from gantryctl.commissioning.watch import StepStopped
-from gantryctl.errors import AlarmStop, ConfigError, DeviceError
+from gantryctl.errors import AlarmStop, ConfigError, DeviceError, UsageError
 from gantryctl.service.memory.memory import Word
 
 pytestmark = pytest.mark.can
@@ -235,6 +235,19 @@ def test_a_chord_test_that_an_alarm_ends_leaves_the_axis_as_it_is(
     with pytest.raises(AlarmStop):
         chord_test.accuracy(chord.context)
     assert chord.did == ["may be stopped", ("read", False), ("commissioning", alarm)]
+
+
+def test_a_chord_test_that_does_not_fit_the_travel_opens_no_axis(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def check(*_: object) -> None:
+        raise UsageError("beyond the travel")
+
+    chord = Chord(monkeypatch, tmp_path, complete=True, fault=None)
+    monkeypatch.setattr(chord_test, "check_travel", check)
+    with pytest.raises(UsageError, match="beyond the travel"):
+        chord_test.accuracy(chord.context)
+    assert chord.did == []
 
 
 def test_without_an_instrument_nothing_is_measured(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

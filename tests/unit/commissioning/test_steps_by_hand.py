@@ -180,6 +180,15 @@ def test_the_speed_is_right_within_two_percent(step: Any, way: float, passes: bo
     assert found.number("speed_deg_s") == pytest.approx(way * 0.1, abs=1e-5)
 
 
+@pytest.mark.parametrize("tells", [True, False])
+def test_only_a_drive_that_tells_its_torque_has_one(step: Any, tells: bool) -> None:
+    drive = HandDrive(torque_nm=12.5)
+    drive.reports_torque = tells
+    found = step(steps_power, "velocity", drive)
+    assert found.figures.get("torque_nm") == (Figure(12.5) if tells else None)
+    assert ("mean torque 12.5 N m" in found.proof) is tells
+
+
 def test_a_speed_the_other_way_is_no_speed(step: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The monitors of the axis are off here: the figure alone has to refuse it."""
     monkeypatch.setattr(
@@ -211,6 +220,7 @@ def test_the_brake_passes_by_the_torque_that_it_bore_without_slipping(
     assert abs(push * drive.wrote[last - 1].torque_ff_nm) < 3.0
     # Beside its limit in the report.
     assert found.figures["moved_deg"].high == 0.02
+    assert found.number("torque_nm") == 70.0
     if passes:
         assert found.number("moved_deg") == pytest.approx(slip_deg, abs=1e-5)
         assert (found.number("plus_nm"), found.number("minus_nm")) == pytest.approx((70.0, -70.0), abs=1.5)
@@ -269,6 +279,17 @@ def test_a_drive_without_limits_is_told_with_what_stops_it(step: Any, missing: t
     assert step(steps_sign, "sign", drive).proof.endswith(told) is bool(missing)
 
 
+def test_nobody_pushes_for_a_torque_that_no_telegram_carries(step: Any) -> None:
+    """What is asked for is the pulse alone: 0.03 deg in 1.5 s, at its peak pi / 2 of the mean."""
+    drive = sign_drive()
+    drive.process.torque_known = False
+    found = step(steps_sign, "sign", drive)
+    assert "; the torque limit is not shown" in found.proof
+    assert "torque_most_nm" not in found.figures
+    fastest_deg_s = max(abs(math.degrees(output.vel_cmd_rad_s)) / 1144 for output in drive.wrote)
+    assert fastest_deg_s == pytest.approx(0.02 * math.pi / 2.0, rel=1e-3)
+
+
 # --- the torque limit of the maker's tool -----------------------------------------------------------------------------
 
 
@@ -324,6 +345,14 @@ def test_of_two_pushes_the_weaker_is_what_the_limit_was_shown_to_be(step: Any) -
     assert found.number("pushed_most_nm") == pytest.approx(28.02, abs=0.05)
 
 
+def test_a_limit_that_acts_is_what_the_push_is_held_against(step: Any) -> None:
+    """0.6 x 800 - 14 = 466 N m are asked for, 385 N m are given: less than 85 % of the push, all of the limit."""
+    drive = limit_drive()
+    drive.spoil = lambda seen: seen._replace(torque_act_nm=max(-385.0, min(seen.torque_act_nm, 385.0)))
+    found = step(steps_lacks, "torque", drive, brake=braked(800.0, -800.0))
+    assert (found.outcome, found.number(TORQUE_LIMIT_NM)) == (Outcome.PASSED, 385.0)
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_push_never_passes_the_limit_of_the_drive(direction: float) -> None:
     drive = HandDrive(push=3.0)
@@ -339,6 +368,8 @@ def test_a_push_is_taken_back_and_never_goes_the_other_way(direction: float) -> 
     steps_lacks._push(axis_of(drive, following=False), direction * 20.0, 30.0)
     asked = [direction * output.torque_ff_nm for output in drive.wrote if output.request is ENABLE]
     assert max(asked) == pytest.approx(20.0)
+    # In 0.5 s: 0.16 N m in a scan.
+    assert max(np.diff(asked)) == pytest.approx(0.16)
     assert min(asked) == pytest.approx(-2.0)
     assert asked[-1] == pytest.approx(-2.0)
 
