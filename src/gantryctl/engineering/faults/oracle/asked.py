@@ -44,12 +44,16 @@ class Asked:
         self._lease_ms = -1_000_000
         self._key_counts, self._halted, self._by_jog = True, False, False
 
-    def take(self, op: OperatorCommand, now: int, vel: float, angle: float, *, moves: bool) -> None:
+    def take(
+        self, op: OperatorCommand, now: int, vel: float, angle: float, *, moves: bool, refused: bool
+    ) -> None:
         """Take new levels.
 
         Args:
             vel: on the wire. angle: true, by the zero of the machine.
             moves: a speed was commanded until now, or the servo still settles.
+            refused: people are told that something is refused. A move that has just begun is as slow as regulation, and
+                refuses a key (seed 50442); who tells so and lets the key move the axis moves it without a reason.
         """
         last, self.levels = self.levels, op
         ramps = self._ramps
@@ -73,7 +77,7 @@ class Asked:
             # It takes over from a key, which then ends nothing when it is let go.
             self._key_counts = False
         elif pressed:
-            self._press(op, now, vel, rests=not self._turns_round(op, angle, moves))
+            self._press(op, now, vel, rests=not (refused or self._turns_round(op, angle, moves)))
         elif renewed and self._key_counts and self._by_jog and (op.forward or op.reverse):
             # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
             fastest = abs(vel) / self._ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2

@@ -95,6 +95,7 @@ class AxisOracle:
         "_low",
         "_ratio",
         "_reason_ms",
+        "_refusals",
         "_request",
         "_rest",
         "_sag",
@@ -140,6 +141,7 @@ class AxisOracle:
         self._load = Load(self.known)
         self._anchor: float | None = None
         self._reason_ms = -1
+        self._refusals = 0
         self._asked: Asked | None = None
         self._commanded = (0.0, 0.0)
         self._silent_from: float = math.inf
@@ -226,10 +228,13 @@ class AxisOracle:
         self._silence, self._silent_from = None, self.ms + SILENT_MS
         self._commanded = self.angle, self.speed
         asked = self._asked
-        if operator is not None and asked is not None and operator is not asked.levels:
-            asked.take(
-                operator, self.ms, self._wire.vel, self.angle + self.offset, moves=self.ms <= self._reason_ms
-            )
+        if operator is not None and asked is not None:
+            refusals, self._refusals = self._refusals, axis.refusal_count
+            if operator is not asked.levels:
+                asked.take(
+                    operator, self.ms, self._wire.vel, self.angle + self.offset,
+                    moves=self.ms <= self._reason_ms, refused=self._refusals != refusals,
+                )  # fmt: skip
         held = self.known.held
         if held is not None and operator is not None:
             self.known.held = held.commands(self.now())
