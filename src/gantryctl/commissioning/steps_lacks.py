@@ -119,7 +119,7 @@ def torque(c: Context) -> StepResult:
         )
     if brake is None or brake.outcome is not Outcome.PASSED:
         return failed("torque", "the brake has held nothing yet", "run the step brake first")
-    held = min(abs(brake.number("plus_nm")), abs(brake.number("minus_nm")))
+    held = min(brake.number("plus_nm"), -brake.number("minus_nm"))
     level = _BRAKE_PART * held - c.machine.plant.load.eccentric_moment_nm / c.machine.axis.ratio
     if level <= 0.0:
         proof = f"{_BRAKE_PART:g} of the {held:.0f} N m that the brake has held is less than the load takes"

@@ -145,9 +145,16 @@ def test_the_statusword_is_compared_eight_times_after_another_number_of_scans_ea
     assert scans == list(range(3, 11))
 
 
+NODES: dict[str, dict[str, Any]] = {
+    "an I/O node": {"can.io.node": 3},
+    "a ring encoder": {"can.load_encoder.source": "node", "can.load_encoder.node": 3},
+}
+
+
+@pytest.mark.parametrize("beside", NODES)
 @pytest.mark.parametrize(("missed", "passes"), [(10, True), (11, False)])
 def test_a_node_may_miss_one_telegram_in_a_hundred(
-    monkeypatch: pytest.MonkeyPatch, missed: int, passes: bool
+    monkeypatch: pytest.MonkeyPatch, missed: int, passes: bool, beside: str
 ) -> None:
     drive = bus_drive(0, 0)
     node = SimpleNamespace(
@@ -155,8 +162,9 @@ def test_a_node_may_miss_one_telegram_in_a_hundred(
         identity=SimpleNamespace(text="maker"), remote=SimpleNamespace(node=3), compare=list,
     )  # fmt: skip
     drive.beside = SimpleNamespace(nodes=[node])  # type: ignore[attr-defined]
-    found = judged(monkeypatch, "nodes", drive, with_values(MACHINE, {"can.io.node": 3}))
+    found = judged(monkeypatch, "nodes", drive, with_values(MACHINE, NODES[beside]))
     assert (found.outcome is Outcome.PASSED) is passes
+    assert judged(monkeypatch, "nodes", drive).outcome is Outcome.NOT_TESTABLE
 
 
 def test_an_input_that_does_not_change_is_told_with_those_that_have(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,13 +198,14 @@ def test_an_input_passes_when_it_has_changed_and_come_back(
 
     def levels() -> dict[str, bool]:
         scans = len(drive.wrote)
-        return {"door_ok": scans < 40 or (comes_back and scans >= 60)}
+        return {"door_ok": scans < 40 or (comes_back and scans >= 60), "estop_ok": scans < 70 or scans >= 80}
 
     drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=levels))  # type: ignore[attr-defined]
     monkeypatch.setattr(steps_bus, "_BY_HAND_S", 0.4)
     found = judged(monkeypatch, "wiring", drive)
     assert (found.outcome is Outcome.PASSED) is comes_back
     assert "door_ok" in found.proof
+    assert found.proof.endswith("one after the other: door_ok, estop_ok") is comes_back
 
 
 def bus_drive(pdo: int, sdo: int, missed: tuple[int, ...] = (0, 0)) -> HandDrive:
@@ -318,6 +327,10 @@ def test_each_output_is_on_for_three_seconds_for_whoever_looks(monkeypatch: pyte
     """750 scans of 4 ms each, with the drive off."""
     drive = bus_drive(0, 0)
     drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=dict))  # type: ignore[attr-defined]
+    # Nobody looks at what is not there.
+    wireless = judged(monkeypatch, "wiring", drive)
+    assert "switched on" not in wireless.proof
+    drive.wrote.clear()
     names = ("horn", "lamp", "in_position", "at_rest")
     wired = {f"can.outputs.{name}": 16 + bit for bit, name in enumerate(names)}
     found = judged(monkeypatch, "wiring", drive, with_values(MACHINE, wired))

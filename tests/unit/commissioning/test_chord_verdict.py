@@ -12,6 +12,7 @@ import pytest
 from gantryctl.commissioning.load_side.chord_test import _judged, order_of
 from gantryctl.commissioning.results import Context, Outcome
 from gantryctl.engineering.accuracy.attended.session import StopReading, measured_stops, new_session
+from gantryctl.engineering.report.pictures import Picture
 from gantryctl.machine import default_machine, with_values
 
 
@@ -53,4 +54,10 @@ def test_the_same_readings_pass_and_fail_by_the_requirement(
     assert result.number("a_deg") == pytest.approx(0.019718, rel=1e-4)
     # A changes with each by 6 e / (5 S), in all by the root of 36 / 5, and each is known to 1.414e-5 deg; k = 2.
     assert result.number("a_expanded_uncertainty_deg") == pytest.approx(7.589e-5, rel=1e-3)
+    # In thousandths of a degree, one panel of each base.
+    pictures: list[Picture] = context.watch.pictures
+    assert len(pictures[0].panels) == 3
+    for panel in pictures[0].panels:
+        # Both ways as seen, before those of the model.
+        assert [abs(curve.y[-1]) for curve in panel.lines[:2]] == pytest.approx([3.0, 3.0], rel=1e-3)
     assert "D-K-4711" in (tmp_path / "accuracy" / "report.html").read_text(encoding="utf-8")

@@ -262,7 +262,12 @@ def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> Non
     assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
     assert tags["brake_open_cmd"] == brake_open
     # An angle that nobody knows is none.
-    assert math.isnan(fast_tags(MACHINE, Seen(None, None, drive), moves=True)["pos_act_deg"])
+    lost = fast_tags(MACHINE, Seen(None, None, drive), moves=True)
+    assert math.isnan(lost["pos_act_deg"])
+    assert (lost["pos_ref_deg"], tags["pos_ref_deg"]) == (0.0, -90.25)
+    # Nobody has read a drive, or a program has it.
+    for seen in (None, Seen(-90.25, 0.5, None)):
+        assert fast_tags(MACHINE, seen, moves=True)["drive_state"] is DriveState.UNKNOWN
 
 
 def test_a_second_client_is_refused(room: Room) -> None:
@@ -331,6 +336,14 @@ def test_of_two_stops_the_harder_counts(free_room: Room) -> None:
     for kind, urgency in (("stop", Stop.RAMP), ("quick_stop", Stop.QUICK), ("stop", Stop.QUICK)):
         assert free_room.ask(VIEWER, kind) == ""
         assert free_room.desk.halt.urgency is urgency
+
+
+def test_each_step_is_that_of_whoever_began_it(room: Room) -> None:
+    for who in (ANNA, OTHER):
+        room.begun(who=who)
+        assert room.desk.by == who.user
+        room.desk.step_ended()
+        assert room.ask(who, "give") == ""
 
 
 def test_a_step_that_ends_with_the_service_is_the_last_one(free_room: Room) -> None:
@@ -516,6 +529,12 @@ def test_a_page_has_no_step_that_needs_hands_or_an_instrument() -> None:
 def test_without_a_journal_no_step_begins(room: Room) -> None:
     assert room.ask(ANNA, "take", over=False) == ""
     room.memory.words[Word.JOURNAL_STATE] = JournalState.FAILED
+    assert room.ask(ANNA, "commission_step", step="identity") == "JRN-02"
+
+
+def test_without_room_for_its_events_no_step_begins(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert room.ask(ANNA, "take", over=False) == ""
+    monkeypatch.setattr(type(room.desk.events), "room", False)
     assert room.ask(ANNA, "commission_step", step="identity") == "JRN-02"
 
 

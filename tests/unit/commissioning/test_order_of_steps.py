@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import steps_lacks, steps_power, steps_sign
+from gantryctl.commissioning import STEPS, steps_lacks, steps_power, steps_sign
 from gantryctl.commissioning.load_side import ring as load_side
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest
 from gantryctl.machine import with_values
-from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context, opens
+from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, axis_of, context, opens
 
 pytestmark = pytest.mark.can
 
@@ -99,12 +99,18 @@ def test_the_ring_is_seen_at_rest_three_times(monkeypatch: pytest.MonkeyPatch) -
     """0.3 deg/s at 0.39 deg/s2: 191 scans up, 4.237 s at it, 190 down and one at 0; each rest is a second."""
     drive = HandDrive()
     monkeypatch.setattr(load_side, "open_loop_axis", opens(drive))
-    load_side.ring(
-        context(with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encoder.node": 4}))
-    )
+    # A machine without one turns for none.
+    assert load_side.ring(context()).outcome is Outcome.NOT_TESTABLE
+    assert drive.wrote == []
+    machine = with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encoder.node": 4})
+    load_side.ring(context(machine))
     way, rest = ("turns", 191 + 1060 + 190), ("stands", 1 + 250)
     assert told(drive) == [("stands", 76 + 250), way, rest, way, rest, *DOWN]
     assert drive.leashes == [(2.0, True)]
+    # Forward first, and as long as the progress says.
+    assert next(output.vel_cmd_rad_s for output in drive.wrote if output.vel_cmd_rad_s) > 0.0
+    lasts_s = next(each for each in STEPS if each.key == "ring").lasts_s(machine)
+    assert len(drive.wrote) * PERIOD_S == pytest.approx(lasts_s, rel=0.1)
 
 
 def test_the_torque_ends_behind_the_brake_before_the_drive_is_off(step: Any) -> None:

@@ -18,6 +18,7 @@ from gantryctl.commissioning.watch import Halt, StepStopped, StepWatch
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.engineering.report.head import Judged
 from gantryctl.engineering.report.meter import Meter
+from gantryctl.engineering.report.pictures import Picture
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
@@ -161,9 +162,28 @@ def test_a_report_holds_a_figure_against_its_limit_and_against_the_one_before(
 
 def test_a_report_names_what_a_person_has_accepted_and_counts_what_lacks() -> None:
     rows: Any = [SimpleNamespace(what=each.name, standing=each) for each in (*Standing, Standing.LACKING)]
-    view = report._view(Progress("m", "h"), rows, None)
+    results = {key: StepResult(key, outcome, "") for key, outcome in (("brake", F), ("sign", P), ("loop", P))}
+    view = report._view(Progress("m", "h", results=results), rows, None)
     assert [row.what for row in view["accepted"]] == ["ACCEPTED"]
     assert view["lacking"] == 2
+    # Of all steps but the two that are for a lack, which this drive has not.
+    count = len(STEPS)
+    words = [text for _, text, _ in view["tiles"]]
+    assert [int(number) for number, _, _ in view["tiles"]] == [2, 1, 0, count - 3]
+    assert words == ["steps passed", "step failed", "steps not testable here", "steps not done"]
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "told"),
+    [
+        ({"a": F, "b": N}, "Failed: a; not done: d."), ({"a": P, "b": N}, "Not done: d."),
+        ({"a": P, "b": N, "d": F}, "Failed: d."), ({}, "Not done: a, b, d."),
+    ],
+)  # fmt: skip
+def test_a_report_names_what_has_failed_and_what_is_left(outcomes: dict[str, Outcome], told: str) -> None:
+    results = {key: StepResult(key, outcome, "") for key, outcome in outcomes.items()}
+    text = report._verdict(Progress("m", "h", results=results), False, (A, B, MAY, step("d")))
+    assert text == f"The machine may not move. {told}"
 
 
 @pytest.mark.parametrize(
@@ -261,6 +281,37 @@ def test_a_commissioning_from_the_start_keeps_no_proof(
     assert bool(work.progress.results) is not again
 
 
+def test_a_step_gets_the_drive_as_it_was_found_and_leaves_its_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: Any = ("6085 as it came",)
+    stand_ins = {
+        "can_link": lambda _: SimpleNamespace(close=lambda: None), "ledger_reasons": lambda *_: (),
+        "ReadOnlyDrive": lambda *_: SimpleNamespace(rows=found), "known_of_model": lambda *_: (),
+    }  # fmt: skip
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(commissioning_run, name, stand_in)
+    given: list[Any] = []
+    picture, tracker = Picture("torque", ()), lambda run: None
+
+    def run(c: Any) -> StepResult:
+        given.append((c.as_found, c.instrument, c.certificate, c.results))
+        c.watch.pictures.append(picture)
+        return StepResult("b", P, "")
+
+    with StateStore(MACHINE, tmp_path) as store:
+        work = Commissioning(
+            MACHINE, store, tmp_path, lambda line: None, lambda asked: True, tracker, "D-K-4711"  # type: ignore[arg-type]
+        )  # fmt: skip
+        monkeypatch.setattr(work, "_set_up", lambda: (SimpleNamespace(key="key", software="1.0"), ()))
+        work.start(again=False)
+        before = {"a": work.do(A)}
+        result = work.do(Step("b", "", "", "", run))
+    assert given == [(found, tracker, "D-K-4711", before)]
+    assert result is not None
+    assert result.pictures == (picture,)
+
+
 def test_who_agreed_to_little_is_asked_before_more(made: Callable[..., Commissioning]) -> None:
     work = made(lambda each: each.key != "far")
     near, far = step("near", reach=Reach.STANDSTILL), step("far", reach=Reach.TRAVEL)
@@ -294,14 +345,15 @@ def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_no
         work.do(Step("a", "", "", "", raising(AlarmStop("turned"))), stopped)
     assert record.exists()
     assert work.progress.results["a"].outcome is P
-    for failing in (step("a", F), Step("a", "", "", "", raising(AlarmStop("turned")))):
+    faults = (AlarmStop("turned"), CommandRefused("not now"), DeviceError("no answer"))
+    for failing in (step("a", F), *(Step("a", "", "", "", raising(fault)) for fault in faults)):
         work.record()
         result = work.do(failing)
         assert result is not None
         assert result.outcome is F
         assert not record.exists()
-    # What the bus has carried is kept of the two that failed.
-    assert frozen == ["step-a", "step-a"]
+    # What the bus has carried is kept of each that failed.
+    assert frozen == ["step-a"] * 4
 
 
 def test_the_record_names_what_has_passed_and_what_it_has_measured(
@@ -371,6 +423,7 @@ def test_the_record_is_of_this_drive_and_the_ledger_of_what_has_passed(
         MACHINE.name, "maker 1", "2.0", ("3 n",)
     )  # fmt: skip
     assert record.proven_hash == commissioning_run.proven_hash(MACHINE)
+    assert record.report_hash == work.progress.hash
     proofs = asked[-1]
     assert (proofs.passed, proofs.failed, proofs.measured) == (
         {"a", "ramp"}, {"b", "torque"}, {RAMP_DEG_S2: 3.0}

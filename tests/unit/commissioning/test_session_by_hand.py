@@ -109,16 +109,19 @@ def test_the_controller_is_told_whether_the_commissioning_has_ended_as_it_should
         if broken:
             raise MemoryError
 
+    def keep() -> None:
+        done.append(("kept", seen.words[Word.CONTROLLER_CLEAN]))
+
     monkeypatch.setattr(process, "publish_json", lambda *_: None)
     monkeypatch.setattr(process, "short_hash", lambda _: "")
-    for name, stand_in in (("_set_up", lambda: None), ("_do", do), ("_keep", lambda: done.append("kept"))):
+    for name, stand_in in (("_set_up", lambda: None), ("_do", do), ("_keep", keep)):
         monkeypatch.setattr(made, name, stand_in)
     if broken:
         with pytest.raises(MemoryError):
             made.run()
     else:
         assert made.run() == 0
-    assert done == [("brake", 0), *([] if broken else ["kept"])]
+    assert done == [("brake", 0), *([] if broken else [("kept", 0)])]
     assert seen.words[Word.CONTROLLER_CLEAN] == (0 if broken else 1)
     assert desk.did == ["close"]
     assert desk.told[0] == ("service", "commissioning began: m")
@@ -138,9 +141,13 @@ def test_the_record_is_written_when_all_is_proven_and_the_report_of_what_was_sho
     made._machine.required = SimpleNamespace(source="")
     monkeypatch.setattr(process, "known_serials", lambda *_: None)
     monkeypatch.setattr(process, "machine_facts", lambda *_: ())
-    monkeypatch.setattr(process, "write_report", lambda *_: wrote.append("report"))
+    heads: list[Any] = []
+    monkeypatch.setattr(
+        process, "write_report", lambda *given: (heads.append(given[-1]), wrote.append("report"))
+    )
     made._keep()
     assert wrote == ([*(["record"] if complete else []), "report"] if results else [])
+    assert [head.made.operator for head in heads] == (["anna"] if results else [])
     assert [text.partition(":")[0] for _, text in desk.told] == [f"commissioning {each}" for each in wrote]
 
 
@@ -184,7 +191,7 @@ class Chord:
     ) -> None:
         self.did: list[object] = []
         self.path = folder / "commissioning_chord_test.json"
-        session = SimpleNamespace(complete=complete, text="3 of 8 readings", instruments=())
+        session = SimpleNamespace(complete=complete, text="3 of 8 readings", instruments=("laser",))
         run = SimpleNamespace(
             power_down=lambda: self.did.append("down"),
             close=lambda what, alarm: self.did.append((what, alarm)),
@@ -196,9 +203,14 @@ class Chord:
                 raise fault
             return session
 
+        def both_named(kept: object, *, instruments: tuple[str, ...]) -> object:
+            assert instruments == ("laser", "tracker")
+            return kept
+
         stand_ins = {
             "session_path": lambda _: folder / "session.json", "order_of": lambda _: SimpleNamespace(made=lambda: None),
-            "check_travel": lambda *_: None, "session_to_go_on_with": lambda *_: session, "replace": lambda s, **_: s,
+            "check_travel": lambda *_: None, "session_to_go_on_with": lambda *_: session,
+            "replace": both_named,
             "AxisRun": lambda *_, **__: run, "AttendedTest": lambda *_: SimpleNamespace(go_on=go_on),
             "store_session": lambda *_: self.did.append("stored"),
             "_judged": lambda *_: StepResult("accuracy", Outcome.PASSED, ""),

@@ -62,6 +62,18 @@ def test_a_drive_that_watches_two_ways_stops_by_the_quicker_one(
     assert ("no marker" in found.proof) is (marker is None)
 
 
+@pytest.mark.parametrize("way", silence.Way)
+def test_a_drive_that_watches_one_way_shows_that_one(
+    monkeypatch: pytest.MonkeyPatch, way: silence.Way
+) -> None:
+    silences = Silences(monkeypatch, HandDrive(), (way,))
+    (other,) = set(silence.Way) - {way}
+    found = steps_silence.silence(context())
+    assert (found.outcome, found.number("silent_stop_s")) == (Outcome.PASSED, silences.off_s[way])
+    assert [what[0] for what in silences.did if isinstance(what, tuple)] == [(way,)]
+    assert f"this drive has no {other.place} ({other})" in found.proof
+
+
 def test_a_drive_without_a_watch_has_shown_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     silences = Silences(monkeypatch, HandDrive(), ())
     assert steps_silence.silence(context()).outcome is Outcome.NOT_TESTABLE
@@ -286,6 +298,18 @@ def test_a_silence_is_told_with_its_brake(brake_open: bool, words: str) -> None:
         steps_silence._told(seen)
         == f"left operation enabled after 50 ms (no EMCY), moved 0.0100 deg, fault, {words}"
     )
+    seen.complained_s = 0.012
+    assert "after 50 ms (EMCY after 12 ms), moved" in steps_silence._told(seen)
+
+
+def test_the_copy_and_not_the_original_runs_the_axis(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run_on(_: object) -> None:
+        raise SystemExit
+
+    monkeypatch.setattr(controller_death, "os", SimpleNamespace(fork=lambda: 0))
+    monkeypatch.setattr(controller_death, "_run_on", run_on)
+    with pytest.raises(SystemExit):
+        controller_death.kill_controller(SimpleNamespace())  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("ended", [0, 77])
@@ -300,7 +324,7 @@ def test_a_copy_runs_the_axis_for_half_a_second_and_is_killed(
         now[0] += seconds
 
     def wait(copy: int, how: int) -> tuple[int, int]:
-        did.append(("waited", round(now[0] - 50.0, 2)))
+        did.append(("waited", how, round(now[0] - 50.0, 2)))
         return ended, 0
 
     stand_in = SimpleNamespace(
@@ -318,11 +342,13 @@ def test_a_copy_runs_the_axis_for_half_a_second_and_is_killed(
     if ended:
         with pytest.raises(AlarmStop, match="has ended by itself"):
             controller_death.kill_controller(axis)
-        assert did[1:] == [("waited", pytest.approx(0.5, abs=0.011))]
+        assert did[1:] == [("waited", 1, pytest.approx(0.5, abs=0.011))]
     else:
         controller_death.kill_controller(axis)
-        waited = ("waited", pytest.approx(0.5, abs=0.011))
-        assert did == ["forked", waited, (77, signal.SIGKILL), waited, "taken over"]
+        half_s = pytest.approx(0.5, abs=0.011)
+        # Looked at without waiting (WNOHANG), and waited for when it is killed.
+        looked, waited = ("waited", 1, half_s), ("waited", 0, half_s)
+        assert did == ["forked", looked, (77, signal.SIGKILL), waited, "taken over"]
 
 
 def test_the_copy_hears_nobody_and_goes_on_until_it_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -566,7 +566,14 @@ def test_friction_and_eccentric_moment_are_told_at_the_load(monkeypatch: pytest.
             "torque_act_nm": at_load / 1144.0,
         },
     )
-    found = steps_motion.slow_turn(context())
+    c = context()
+    found = steps_motion.slow_turn(c)
+    # In kN m: 5 of friction, the root of 5 of the moment.
+    for curve in c.watch.pictures[0].panels[0].lines:
+        sign = -1.0 if "back" in curve.name else 1.0
+        assert (min(curve.y), max(curve.y)) == pytest.approx(
+            (5.0 * sign - math.sqrt(5.0), 5.0 * sign + math.sqrt(5.0)), abs=0.01
+        )
     names = ("friction_nm", "moment_sine_nm", "moment_cosine_nm", "remainder_nm", "following_error_deg")
     assert [found.number(name) for name in names] == pytest.approx(
         [5000.0, 2000.0, -1000.0, 0.0, 0.002], abs=1e-6

@@ -97,7 +97,7 @@ class Desk:
 
     def step_ended(self) -> None:
         """The step under way has ended, one way or the other."""
-        self.step, self._reach = "", Reach.NOTHING
+        self.step = ""
         if self.phase is CommissioningPhase.RUNNING:
             self.phase = CommissioningPhase.WAITING
 
