@@ -267,13 +267,14 @@ def test_a_silence_ends_before_torque_off_is_commanded() -> None:
     assert not any(silent)
 
 
-def test_a_gantry_that_turns_on_is_not_said_to_be_off() -> None:
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_gantry_that_turns_on_is_not_said_to_be_off(direction: int) -> None:
     drive, axis = enabled()
     turned = [0]
 
     def turning(seen: DriveFeedback) -> DriveFeedback:
         # 0.1 deg/s.
-        turned[0] += round(0.1 * PERIOD_S * COUNTS_PER_DEG)
+        turned[0] += direction * round(0.1 * PERIOD_S * COUNTS_PER_DEG)
         return seen._replace(pos_act_counts=turned[0])
 
     drive.spoil = turning

@@ -223,6 +223,10 @@ def test_the_journal_says_why_a_step_was_stopped(room: Room) -> None:
     room.begun()
     room.ask(VIEWER, "stop")
     assert "step identity is stopped: stopped by vera" in told
+    # What the thread of the step has to tell goes there too.
+    room.desk.tell("command", "step identity began")
+    room.go(LOOK_S)
+    assert told[-1] == "step identity began"
 
 
 @pytest.mark.parametrize(("armed_by", "code"), [("otto", ""), ("anna", "SEC-10")])

@@ -467,7 +467,7 @@ RING = with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encode
         ((10.0, 11.5, 10.0), True, "is proposed"),
         ((370.0, 371.5, 370.0), True, "is proposed"),
         ((10.0, 8.5, 10.0), False, "inverted"),
-        ((10.0, 11.55, 10.0), False, "counts_per_turn"),
+        ((10.0, 11.535, 10.0), False, "counts_per_turn"),
         ((10.0, 11.45, 10.0), False, "counts_per_turn"),
         # Forward only; slip to either side; a zero that is off to either side by more than 0.025 deg.
         ((10.0, 11.5, 11.5), False, "counts_per_turn"),
