@@ -97,6 +97,7 @@ class AxisOracle:
         "_reason_ms",
         "_refusals",
         "_request",
+        "_reset_ms",
         "_rest",
         "_sag",
         "_seen",
@@ -142,6 +143,7 @@ class AxisOracle:
         self._anchor: float | None = None
         self._reason_ms = -1
         self._refusals = 0
+        self._reset_ms = -1
         self._asked: Asked | None = None
         self._commanded = (0.0, 0.0)
         self._silent_from: float = math.inf
@@ -279,7 +281,7 @@ class AxisOracle:
     def _latch(self, first: Alarm | None, request: DriveRequest, vel: float) -> None:
         before, self._latched = self._latched, first
         if first is None:
-            self._stop = None
+            self._stop, self._reset_ms = None, self.ms
             if self._asked is not None:
                 self._asked.reset()
             return
@@ -318,7 +320,10 @@ class AxisOracle:
             # What is told as a quick stop when the torque is off already has no ramp.
             quick = first.reaction is _STOPS and self.energised and not known.no_ramp
             kind = StopClass.QUICK if quick else StopClass.TORQUE_OFF
-        self._stop = Stop(first, kind, known.recent_onset(now.ms) or now, now)
+        onset = known.recent_onset(now.ms)
+        # What had its stop before a reset is no cause of another (seed 51621).
+        begun = now if onset is None or onset.ms <= self._reset_ms else onset
+        self._stop = Stop(first, kind, begun, now)
 
     # --- the plant ----------------------------------------------------------------------------------------------
 
