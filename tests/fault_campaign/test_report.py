@@ -12,7 +12,7 @@ import pytest
 from gantryctl.engineering.campaign.job import INDEX, REFUSED
 from gantryctl.engineering.fault_campaign.job import COLUMNS, row
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
-from gantryctl.engineering.fault_campaign.report import tally
+from gantryctl.engineering.fault_campaign.report import Tally, report_data, tally
 from gantryctl.engineering.fault_campaign.result import FaultResult
 from gantryctl.engineering.scheduler.job import Chunk
 from support.command_line import cli
@@ -50,6 +50,14 @@ def folder(tmp_path: Path) -> Path:
     }
     result.write(Chunk(0, len(ROWS)), {INDEX: np.arange(len(ROWS)), **columns})
     return result.folder
+
+
+def test_the_matrix_counts_no_nuisances() -> None:
+    """Its cells begin with a fault: a rate of 0 would tell what nobody has counted."""
+    (data,) = report_data([Tally(FaultCampaign("matrix"), played=1, axis_s=3600.0)])
+    assert data["nuisances_per_1000_h"] is None
+    (data,) = report_data([Tally(FaultCampaign("random"), played=1, axis_s=3600.0)])
+    assert data["nuisances_per_1000_h"] == 0.0
 
 
 def test_the_rows_are_counted(folder: Path) -> None:
