@@ -52,8 +52,9 @@ class Asked:
         Args:
             vel: on the wire. angle: true, by the zero of the machine.
             moves: a speed was commanded until now, or the servo still settles.
-            refused: people are told that something is refused. A move that has just begun is as slow as regulation, and
-                refuses a key (seed 50442); who tells so and lets the key move the axis moves it without a reason.
+            refused: people are told in this scan that something is refused. A move that has just begun is as slow as
+                regulation, and a key is refused then (seed 50442). At standstill a key that is told to be refused and
+                moves the axis all the same gives the motion no reason; during a move nothing shows it.
         """
         last, self.levels = self.levels, op
         ramps = self._ramps

@@ -38,8 +38,9 @@ class SpeedOnWire:
         motor_deg = ratio * math.pi / 180.0
         self._shipped = shipped
         self._kpp = settings.law.kpp_per_s
-        both = settings.compensation
-        self._apart = ratio * both.disagreement_rad if both is not None and both.load_encoder else 0.0
+        compensation = settings.compensation
+        if compensation is not None and compensation.load_encoder:
+            self._apart = ratio * compensation.disagreement_rad
         self.settled = self._bounds.regulation_deg_s * motor_deg
         self._dither = self._bounds.dither_deg * motor_deg
         self._sag = self._bounds.sag_deg * motor_deg
