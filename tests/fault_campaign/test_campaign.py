@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.engineering.campaign.job import REFUSED
-from gantryctl.engineering.fault_campaign import job
+from gantryctl.engineering.fault_campaign import job, kinds
 from gantryctl.engineering.fault_campaign.draw import random_scenario
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign, campaign_of
 from gantryctl.engineering.fault_campaign.matrix import CELLS, Cell, cell
@@ -84,6 +84,21 @@ def test_a_folder_holds_one_campaign(tmp_path: Path) -> None:
         FaultResult.read(tmp_path / "nothing")
     with pytest.raises(UsageError, match="one of random, pairs, wide, matrix"):
         campaign_of("all")
+
+
+def test_runs_of_an_earlier_drawing_are_told_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows are sound: neither damaged nor of another campaign; going on and reporting both say why not."""
+    with monkeypatch.context() as before:
+        before.setitem(kinds._DRAWING, "random", 1)
+        run(tmp_path, Chunk(0, 1))
+    monkeypatch.setitem(kinds._DRAWING, "random", 2)
+    for use in (lambda: FaultResult.read(tmp_path), lambda: run(tmp_path, Chunk(0, 2))):
+        with pytest.raises(
+            UsageError, match=r"drawing 1 of 'random'; this version has drawing 2.*another --out"
+        ):
+            use()
+    monkeypatch.setitem(kinds._DRAWING, "random", 1)
+    assert FaultResult.read(tmp_path).there == 1
 
 
 def test_cells_that_are_not_wanted_are_left_out_of_the_matrix(

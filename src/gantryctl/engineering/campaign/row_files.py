@@ -69,6 +69,17 @@ class RowFiles:
                 )
         return found
 
+    def campaign_hash_there(self) -> str | None:
+        """Hash of the campaign whose rows the first file holds; None where there is no file, or it cannot be read."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        for chunk in self.ranges()[:1]:
+            with contextlib.suppress(pa.ArrowException, OSError, ValueError, KeyError, TypeError):
+                said = json.loads(pq.read_schema(self.file(chunk)).metadata[METADATA_KEY])
+                return str(said["campaign_hash"])
+        return None
+
     def check(self) -> None:
         """Look into every file that counts.
 

@@ -50,7 +50,21 @@ class FaultCampaign:
     @property
     def hash(self) -> str:
         """Of what decides a scenario; the code that plays it stands beside each row."""
-        given: list[object] = [_DRAWING[self.kind], self.kind, self.series, self.scan_ms, DURATION_S]
+        return self._hash(self.drawing)
+
+    @property
+    def drawing(self) -> int:
+        """Number of the way in which this version draws the scenarios of the kind."""
+        return _DRAWING[self.kind]
+
+    def earlier_drawing(self, campaign_hash: str) -> int | None:
+        """Number of the drawing that an earlier version made this campaign with, by its hash; None: of another one."""
+        return next(
+            (number for number in range(1, self.drawing) if self._hash(number) == campaign_hash), None
+        )
+
+    def _hash(self, drawing: int) -> str:
+        given: list[object] = [drawing, self.kind, self.series, self.scan_ms, DURATION_S]
         if self.drive is not None:
             given.append(self.drive)
         return hashlib.sha256(json.dumps(given).encode()).hexdigest()

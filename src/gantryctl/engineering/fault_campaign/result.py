@@ -40,20 +40,33 @@ class FaultResult:
         """The result of a folder.
 
         Raises:
-            UsageError: there is none. StateError: its head is damaged or of another version.
+            UsageError: there is none, or an earlier version drew its scenarios in another way. StateError: its head
+                is damaged or of another version.
         """
         path = folder / HEAD_FILE
         try:
             data = json.loads(path.read_text("utf-8"))
             if data.pop("format") != _FORMAT:
                 raise StateError(f"{path}: was written by another version of gantryctl")
-            return cls(folder, FaultCampaign(**data))
+            result = cls(folder, FaultCampaign(**data))
         except (FileNotFoundError, NotADirectoryError):
             raise UsageError(
                 f"{folder}: holds no fault campaign; `gantryctl faults campaign` makes one"
             ) from None
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as fault:
             raise StateError(f"{path}: cannot be read: {fault}") from None
+        result._check_drawing()
+        return result
+
+    def _check_drawing(self) -> None:
+        there, campaign = self._files.campaign_hash_there(), self.campaign
+        earlier = None if there is None else campaign.earlier_drawing(there)
+        if earlier is not None:
+            raise UsageError(
+                f"{self.folder}: holds runs of drawing {earlier} of '{campaign.kind}'; this version has drawing "
+                f"{campaign.drawing}, in which the same numbers are other scenarios: begin anew in another --out; "
+                "to go on with these runs, or to report them, use the version of gantryctl that made them"
+            )
 
     def begin(self) -> None:
         """Make the head, or check that what is there is of the same campaign.
