@@ -149,10 +149,13 @@ def test_the_number_of_a_start_is_taken_with_62_bits(bench: Bench) -> None:
 def test_a_slow_commit_is_told_once(bench: Bench, took_s: float, told: bool) -> None:
     def wait() -> None:
         bench.now_s += took_s
+        assert bench.writer.state is (JournalState.SLOW if told else JournalState.OK)
 
     bench.journal.during = wait
     bench.log.put("command", "one")
     bench.writer.drain()
+    bench.now_s += 10.0
+    assert bench.writer.state is JournalState.OK
     assert any(line.startswith("JRN-02") for line in bench.journal.told()) is told
     bench.journal.done.clear()
     bench.writer.drain()

@@ -18,6 +18,7 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.recorder import process as recorder
 from gantryctl.service.recorder.journal import writer as journal_module
+from gantryctl.service.recorder.journal.key import read_key
 from gantryctl.service.recorder.journal.mirror import SystemFile, read_mirror
 from gantryctl.service.recorder.journal.places import FILE, places_of
 from gantryctl.service.recorder.journal.proof import Fault, verify
@@ -55,6 +56,9 @@ def test_old_events_are_taken_out_and_the_chain_goes_on(tmp_path: Path) -> None:
     made = filled(tmp_path)
     kept = anchor(tmp_path)
     assert made.prune(15, PLENTY) == 40
+    key = read_key(made.places.key)
+    shown = [read_mirror(mirror, key).newest for mirror in made.places.mirrors]
+    assert [each is not None and each.anchor == made.newest for each in shown] == [True, True]
     made.append(1, 0, 101, [record("event 101")])
     made.close()
     rows = read_journal(tmp_path)

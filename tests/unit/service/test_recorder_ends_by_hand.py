@@ -53,6 +53,12 @@ def test_a_recorder_waits_for_the_others_for_a_time(now: list[float]) -> None:
             os.close(held)
 
 
+def test_the_first_process_is_gone_when_another_one_is_the_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "os", SimpleNamespace(getppid=lambda: 7))
+    assert not Others(-1, 7).orphaned
+    assert Others(-1, 8).orphaned
+
+
 @pytest.mark.parametrize(
     ("failed", "notes", "waiting", "kept"),
     [(False, 0, 0, True), (True, 0, 0, False), (False, 1, 0, False), (False, 0, 1, False)],
@@ -100,6 +106,7 @@ class Frames:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *records: object) -> None:
         self.records, self.did = list(records), list[object]()
         self.fails, self.told = False, list[str]()
+        self.links, self.frozen, self.faults = list[LinkOpened](), list[str](), deque[str]()
         memory: Any = SimpleNamespace(frames=self)
         monkeypatch.setattr(frame_writer, "unpacked", lambda record: record)
         monkeypatch.setattr(frame_writer, "FrameRecorder", lambda log, **_: self.recorder(log))
@@ -111,10 +118,13 @@ class Frames:
         def link(channel: str, *, virtual: bool) -> Any:
             if self.fails and log is not None:
                 raise DeviceError("no room for a log")
+            self.links.append(LinkOpened(channel, virtual))
             return lambda *frame: self.did.append((log, frame, len(self.records)))
 
         ended = lambda: self.did.append("the log ends")  # noqa: E731
-        return SimpleNamespace(link=link, frozen=[], faults=deque(), close=lambda: None, end_log=ended)
+        return SimpleNamespace(
+            link=link, frozen=self.frozen, faults=self.faults, close=lambda: None, end_log=ended
+        )
 
     def peek(self, most: int) -> list[object]:
         return self.records[:most]
@@ -141,3 +151,23 @@ def test_where_no_log_can_be_made_alarms_still_have_their_frames(monkeypatch: py
     monkeypatch.setattr(frames.writer, "_free", lambda: 0)
     frames.writer.drain()
     assert len(frames.told) == 1
+
+
+def test_frames_behind_a_killed_recorder_are_of_a_bus_with_the_time_of_day(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The link was opened before it came."""
+    frames = Frames(monkeypatch, ("one",))
+    frames.writer.drain()
+    assert frames.links == [LinkOpened("bus", virtual=False)]
+
+
+def test_every_file_of_frames_and_every_fault_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames, told = Frames(monkeypatch), list[int]()
+    for new, fault in ((["a"], ""), (["b", "c"], "no room"), ([], ""), (["d"], "")):
+        frames.frozen += new
+        frames.faults += [fault] if fault else []
+        frames.writer.drain()
+        told.append(len(frames.told))
+    assert told == [1, 4, 4, 5]
+    assert [line.split()[-1] for line in frames.told] == ["a", "b", "c", "room", "d"]

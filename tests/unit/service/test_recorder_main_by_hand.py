@@ -31,6 +31,7 @@ class Bench:
         self.holds = [True]
         self.left: Any = None
         self.gone, self.orphaned, self.kept, self.ended = True, False, True, False
+        self.late, self.held_up_looks = False, 0
         self.handlers: dict[str, Any] = {}
         self.given: dict[str, tuple[Any, ...]] = {}
         names = {name: name for name in ("SIGTERM", "SIGINT", "SIGHUP")}
@@ -47,7 +48,7 @@ class Bench:
             "FrameWriter": lambda *given: SimpleNamespace(
                 drain=self.says("frames"), close=self.says("frames closed"), _=self.given.update(frames=given)
             ),
-            "HeldUp": lambda *_: SimpleNamespace(look=lambda: None),
+            "HeldUp": lambda *_: SimpleNamespace(look=self.look_whether_held_up),
             "Others": self.others,
             "threading": SimpleNamespace(Event=Event, Thread=self.thread),
         }.items():
@@ -58,6 +59,9 @@ class Bench:
 
     def hold(self) -> bool:
         return self.holds.pop(0) if len(self.holds) > 1 else self.holds[0]
+
+    def look_whether_held_up(self) -> None:
+        self.held_up_looks += 1
 
     def end(self, *, kept: bool) -> None:
         self.did.append(f"run ended, kept: {kept}")
@@ -93,7 +97,7 @@ class Bench:
             orphaned = property(lambda _: bench.orphaned)
 
             def look(self, *, ending: bool) -> bool:
-                return ending and bench.gone
+                return ending and (bench.gone or bench.late)
 
         self.did.append(f"others {handle}, {parent}")
         return Others()
@@ -172,7 +176,27 @@ def test_it_goes_on_until_the_others_are_gone(bench: Bench, tmp_path: Path) -> N
         bench.gone = True
 
     memory = run(bench, tmp_path, bench.stop, nothing, nothing, gone, nothing)
-    assert bench.did.count("-") == 5
+    assert bench.did.count("-") == bench.held_up_looks == 5
+    memory.close()
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
+def test_each_signal_ends_it_in_order(bench: Bench, tmp_path: Path, name: str) -> None:
+    """One that is not caught would end it at once, with events that wait."""
+
+    def hit() -> None:
+        bench.handlers[name]()
+
+    memory = run(bench, tmp_path, hit, nothing)
+    assert bench.did[-1] == "run file closed"
+    memory.close()
+
+
+def test_a_recorder_that_others_outlive_leaves_its_recording_open(bench: Bench, tmp_path: Path) -> None:
+    """The one that comes next goes on with it."""
+    bench.gone, bench.late = False, True
+    memory = run(bench, tmp_path, bench.stop, nothing)
+    assert "rows ended, last: False" in bench.did
     memory.close()
 
 
@@ -242,6 +266,7 @@ def test_a_recorder_waits_for_the_one_before_and_may_be_ended_meanwhile(bench: B
     bench.holds = [False]
     usual = Event.wait
     bench.looks = []
+    memory.words[Word.RECORDER_NS] = 0
     try:
         Event.wait = lambda _, __: True  # type: ignore[method-assign]
         assert process.main([str(memory.handle), str(tmp_path), RetentionPolicy().to_json(), "-1"]) == 0
@@ -249,6 +274,7 @@ def test_a_recorder_waits_for_the_one_before_and_may_be_ended_meanwhile(bench: B
         Event.wait = usual  # type: ignore[method-assign]
     assert "journal started" not in bench.did
     assert memory.words[Word.JOURNAL_STATE] == JournalState.FAILED
+    assert memory.words[Word.RECORDER_NS] > 0
     memory.close()
 
 

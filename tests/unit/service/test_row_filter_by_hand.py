@@ -87,3 +87,14 @@ def test_missing_rows_are_an_event() -> None:
     rows.go(1)
     assert rows.times[-1] == pytest.approx(at_s + 0.06)
     assert len(rows.times) >= 100
+
+
+@pytest.mark.parametrize("name", ["vel_ref_rad_s", "acc_ref_rad_s2"])
+@pytest.mark.parametrize("value", [1e-9, -1e-9])
+def test_a_set_point_with_speed_or_acceleration_moves_either_way(name: str, value: float) -> None:
+    """In its first scan it has an acceleration alone."""
+    made = RowFilter(("time_s", name), 0.02, {})
+    for scan in range(1500):
+        made.take(0.0, (round(0.02 * scan, 3), 0.0))
+    assert made.held == 100
+    assert len(made.take(0.0, (30.0, value))) == 101

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -344,3 +345,21 @@ def test_the_newest_record_is_the_last_that_is_written_over(tmp_path: Path) -> N
     again.close()
     assert (tmp_path / FILE).read_bytes()[2 * SECTOR :] == newest
     assert reread(tmp_path) == record(3)
+
+
+def test_the_end_of_a_run_is_on_the_disk_and_an_unknown_angle_is_one_at_rest(tmp_path: Path) -> None:
+    """A power cut behind a shutdown is no cut of the run; without an angle the disk is asked every 10 s."""
+    run, kept, noted = Run(tmp_path, 1), list[tuple[float, bool]](), list[float]()
+    file: Any = SimpleNamespace(
+        keep=lambda made: kept.append((run.now_s, made.clean)), note=lambda _: noted.append(run.now_s)
+    )
+    run.keeper._file = file
+    run.sees(3.0, 0.0, position_valid=0.0)
+    for now_s in (0.0, 1.0, 9.0, 10.0):
+        run.now_s = now_s
+        run.keeper.look()
+    run.memory.words[Word.CONTROLLER_CLEAN] = 1
+    run.keeper.end(kept=True)
+    assert kept == [(0.0, False), (10.0, False), (10.0, True)]
+    assert noted == [1.0, 9.0]
+    run.killed()

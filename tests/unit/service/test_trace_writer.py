@@ -7,6 +7,7 @@ import os
 import tempfile
 from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
@@ -22,7 +23,7 @@ from gantryctl.service.recorder import trace_writer
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.recorder.row_filter import BEFORE_S
 from gantryctl.service.recorder.trace_writer import TraceWriter
-from gantryctl.trace.naming import next_number, number_of, oldest_first
+from gantryctl.trace.naming import begun_at, next_number, number_of, oldest_first
 from gantryctl.trace.reader import read_trace
 
 COLUMNS = ("time_s", "x_rad")
@@ -386,3 +387,107 @@ def test_a_recording_says_which_it_is(tmp_path: Path) -> None:
     bench.writer.join()
     (file,) = tmp_path.iterdir()
     assert read_trace(file).metadata["recording"] == 41
+
+
+def test_a_command_at_rest_is_an_event_of_its_recording(tmp_path: Path) -> None:
+    """Fifty rows a second: of the rest behind 5 s of an event the last 2 s are whole, of the others ten a second."""
+    bench = Bench(tmp_path)
+    publish_json(bench.memory.columns, {"columns": COLUMNS, "metadata": {"period_s": 0.02}})
+
+    def rows(seconds: int) -> None:
+        for _ in range(50 * seconds):
+            bench.controller.record((round(0.02 * bench.made, 3), 0.0))
+            bench.made += 1
+
+    rows(15)
+    bench.controller.mark = 1
+    rows(1)
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    bench.writer.join()
+    (file,) = tmp_path.iterdir()
+    times = read_trace(file)["time_s"]
+    # 13 s is 2 s before the event; a row at each end counts for either side.
+    assert np.count_nonzero((times > 13.01) & (times < 14.99)) == 99
+    assert np.count_nonzero((times > 5.11) & (times < 12.9)) < 80
+    bench.memory.close()
+
+
+def test_rows_behind_a_damaged_one_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(10)
+    peek = bench.memory.rows.peek
+    monkeypatch.setattr(
+        bench.memory.rows,
+        "peek",
+        lambda most, skip: [None if skip + n == 4 else each for n, each in enumerate(peek(most, skip))],
+    )
+    bench.writer.drain(at_once=True)
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    assert bench.kept() == [k / 7 for k in range(10) if k != 4]
+    bench.memory.close()
+
+
+def test_recordings_are_named_in_utc_wherever_the_computer_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Here(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Self:
+            return cls(2026, 11, 22, 13 if tz is None else 12, tzinfo=tz)
+
+    monkeypatch.setattr(trace_writer, "datetime", Here)
+    bench = Bench(tmp_path)
+    bench.rows(1)
+    bench.writer.drain(at_once=True)
+    (file,) = tmp_path.iterdir()
+    assert begun_at(file) == datetime(2026, 11, 22, 12, tzinfo=UTC)
+    bench.writer.end(last=False)
+    bench.memory.close()
+
+
+def test_one_file_that_cannot_be_closed_holds_up_no_other_and_is_told_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    closing, closed = trace_writer._Closing(), list[str]()
+
+    def fails() -> None:
+        raise OSError("no room")
+
+    for _ in range(2):
+        closing._begin([(tmp_path / "a", fails), (tmp_path / "b", lambda: closed.append("b"))])
+        closing.join()
+    assert closed == ["b", "b"]
+    assert capsys.readouterr().err == "recorder: no room\n"
+
+
+@pytest.mark.parametrize(
+    ("last", "order"), [(True, ["closed", "joined", "others", "joined"]), (False, ["left", "joined"])]
+)
+def test_the_end_waits_for_all_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: bool, order: list[str]
+) -> None:
+    """What is being closed counts as in use: files that were left come behind it."""
+    bench, did = Bench(tmp_path), list[str]()
+    for name, word in {
+        "close": "closed",
+        "join": "joined",
+        "finish_left": "others",
+        "_leave": "left",
+    }.items():
+        monkeypatch.setattr(bench.writer, name, lambda word=word: did.append(word))
+    bench.writer.end(last=last)
+    assert did == order
+    bench.memory.close()
+
+
+def test_what_was_left_is_looked_for_once_a_minute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not in the first look: its rows say which recording goes on."""
+    bench, looks, now_s = Bench(tmp_path), list[float](), 1000.0
+    monkeypatch.setattr(trace_writer, "time", SimpleNamespace(monotonic=lambda: now_s))
+    monkeypatch.setattr(bench.writer, "finish_left", lambda: looks.append(now_s))
+    for now_s in (1000.0, 1059.0, 1060.0, 1061.0, 1120.0):  # noqa: B007 - the writer looks at it
+        bench.writer.drain(at_once=True)
+    assert looks == [1060.0, 1120.0]
+    bench.memory.close()

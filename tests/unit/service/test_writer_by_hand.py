@@ -6,20 +6,22 @@ import json
 import os
 import sqlite3
 from contextlib import closing
+from datetime import datetime, tzinfo
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Self
 
 import pytest
 
-from gantryctl.errors import DeviceError
-from gantryctl.service.recorder.journal import file, writer
+from gantryctl.errors import DeviceError, UsageError
+from gantryctl.service.recorder.journal import file, reading, writer
 from gantryctl.service.recorder.journal.chain import Anchor
 from gantryctl.service.recorder.journal.file import Damaged
 from gantryctl.service.recorder.journal.key import Key, made_key, read_key
 from gantryctl.service.recorder.journal.mirror import Mirror, Newest
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.proof import verify, verify_file
-from gantryctl.service.recorder.journal.reading import _entry, _first, read_journal
+from gantryctl.service.recorder.journal.reading import _entry, _first, copy_journal, read_journal
 from gantryctl.service.recorder.journal.writer import Journal
 
 pytestmark = pytest.mark.usefixtures("keys")
@@ -251,3 +253,62 @@ def test_a_journal_whose_key_is_gone_cannot_be_checked(tmp_path: Path) -> None:
     made.places.key.unlink()
     with pytest.raises(DeviceError, match="key"):
         verify(tmp_path)
+
+
+def test_each_source_has_numbers_of_its_own_and_an_old_batch_takes_none_back(tmp_path: Path) -> None:
+    """Events 1 to 3 of one source, 1 to 2 of another one, the first of the one once more, then 2 to 4 of it."""
+    made = filled(tmp_path)
+    made.append(1, 1, 1, [record("other 1"), record("other 2")])
+    made.append(1, 0, 1, [record("event 1")])
+    made.append(1, 0, 2, [record(f"event {n}") for n in (2, 3, 4)])
+    made.close()
+    assert texts(tmp_path) == ["event 1", "event 2", "event 3", "other 1", "other 2", "event 4"]
+
+
+def test_every_field_of_an_event_goes_into_its_own_column() -> None:
+    said = {
+        "utc": "2026-01-02", "monotonic_ns": 3, "kind": "note", "user": "anna", "role": "service", "client": "c0de",
+        "place": "console", "text": "all is well", "values": {"b": 2, "a": 1},
+    }  # fmt: skip
+    row = file.row_of(7, 2, 41, json.dumps(said).encode())
+    assert dict(zip(file.FIELDS, row, strict=True)) == {
+        **{name: value for name, value in said.items() if name != "values"},
+        "boot": 7,
+        "source": 2,
+        "number": 41,
+        "detail": '{"a": 1, "b": 2}',
+    }
+
+
+def test_what_the_recorder_says_has_the_time_in_utc(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is one o'clock where the computer stands, and noon in UTC."""
+
+    class Here(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Self:
+            return cls(2026, 1, 2, 13 if tz is None else 12, tzinfo=tz)
+
+    monkeypatch.setattr(file, "datetime", Here)
+    found = dict(zip(file.FIELDS, file.own_row("service", "text"), strict=True))
+    assert found["utc"] == "2026-01-02T12:00:00.000+00:00"
+
+
+def test_a_copy_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    filled(tmp_path / "state").close()
+    target, named = tmp_path / "copy.sqlite", list[bool]()
+    monkeypatch.setattr(reading, "os", SimpleNamespace(**vars(os)))
+    monkeypatch.setattr(reading.os, "fsync", lambda _: named.append(target.exists()))
+    copy_journal(tmp_path / "state" / "journal.sqlite", target)
+    assert named == [False]
+    assert target.exists()
+
+
+def test_a_copy_that_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        filled(tmp_path / name).close()
+    copy_journal(tmp_path / "one" / "journal.sqlite", tmp_path / "copy.sqlite")
+    with pytest.raises(UsageError, match="they are different journals"):
+        copy_journal(tmp_path / "two" / "journal.sqlite", tmp_path / "copy.sqlite")
+    assert [path.name for path in tmp_path.glob("copy*")] == ["copy.sqlite"]
