@@ -13,14 +13,17 @@ from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.fault_campaign.scenario import Action, PlannedFault, Scenario
 from gantryctl.engineering.faults.case import Phase
-from gantryctl.engineering.faults.catalogue import CATALOGUE
+from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.axis.load_side import Command, LoadSide
 from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.virtual_axis import VirtualAxis
+from gantryctl.units import rad
 from support.fault_liars import LIARS
 
 pytestmark = pytest.mark.can
@@ -158,3 +161,23 @@ def test_a_stuck_drive_that_a_wrong_sign_drives_through_its_brake_must_be_told(
         monkeypatch.setattr(PowerSequence, "_torque_kept", lambda self, limit: None)
     played = play(Scenario(actions=deeds, faults=faults, duration_s=6.0))
     assert ("INV-1" in {each.invariant for each in played.violations}) is not told
+
+
+def test_a_loop_through_the_ring_answers_no_more_than_that_has_corrected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Row B8 at standstill, the encoder on the ring: 0.0001 deg of its correction ask for 0.051 deg/s, not for 0.2.
+
+    Friction holds the motor, so nothing but the wire shows what is asked of it.
+    """
+    at = Cell(fault_case("B8"), "bus", Phase.ENABLED, 6.0, -165.0, 10.0, "drive", beside=True)
+    assert run_cell(at)["violations"] == []
+    true, scans = LoadSide.scan, [0]
+
+    def creeping(self: LoadSide, virtual: VirtualAxis, counts: float) -> Command:
+        vel, pos, error = true(self, virtual, counts)
+        scans[0] += self._feedback.torque_limited
+        return vel + rad(min(0.2, 0.01 * scans[0])) * 1144.0, pos, error
+
+    monkeypatch.setattr(LoadSide, "scan", creeping)
+    assert any("nobody asks for it" in each for each in run_cell(at)["violations"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gantryctl.image import DriveRequest, DriveState
+from gantryctl.image import DriveRequest, DriveState, StopCause, SystemStop
 from gantryctl.program import Code, PowerPhase
 from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
@@ -33,6 +33,20 @@ def test_a_sound_hold_catches_the_load_and_does_not_say_that_it_moves(scan_ms, m
     assert rig.phase is PowerPhase.TORQUE_HOLD
     assert rig.reach_deg < CAUGHT_DEG
     assert rig.engine.output.horn, "a brake that slips sounds the horn"
+
+
+def test_a_brake_that_slips_behind_a_stop_of_the_engine_is_caught():
+    """Before SYS-03 is reset: the engine keeps the axis from moving, not the torque from holding it (seed 60445)."""
+    rig = PlantRig(machine_at(4.0, CHECK_NM), holding_nm=CHECK_NM / 1144.0)
+    rig.run(0.3)
+    rig.engine.system_stop = SystemStop(StopCause.FROZEN, 0.2, 0.05, rig.engine.time_s)
+    rig.run(1.0)
+    rig.mark()
+    rig.faults.brake_torque_share = 0.001
+    rig.run(5.0)
+    assert rig.codes == ["SYS-03", "BRK-04"]
+    assert rig.phase is PowerPhase.TORQUE_HOLD
+    assert rig.reach_deg < CAUGHT_DEG
 
 
 @AT_EVERY_SCAN_MS

@@ -14,14 +14,16 @@ from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle
 from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
-from gantryctl.image import DriveFeedback, DriveRequest, Mode, OutputImage
+from gantryctl.image import DriveFeedback, DriveRequest, DriveState, Mode, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import Alarm, AlarmLog
+from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.turns import Turns
+from gantryctl.program.blocks import Jog
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.gantry import GantryProgram
 from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.recovery import StopRecord
 from gantryctl.runtime import Engine, FixedOperator
@@ -30,6 +32,7 @@ from gantryctl.wiring.engine import build_engine, drive_of
 from support.modulo_machine import modulo_machine
 
 RATIO = default_machine().axis.ratio
+QUICK_RAMPS = {"virtual_axis__acc_deg_s2": 2.0, "virtual_axis__dec_deg_s2": 2.0}
 
 
 class Bench:
@@ -131,6 +134,102 @@ def a_move_after_power_off(patch: pytest.MonkeyPatch) -> None:
     bench.op(move=True, target_rad=rad(-90.0))
     bench.op(move=False)
     bench.engine.run_for(6.0)
+
+
+def takes_over_and_refuses(patch: pytest.MonkeyPatch) -> None:
+    """A key takes over from a move, and people are told that it is refused."""
+
+    def start(jog: Jog, direction: int, velocity_rad_s: float) -> None:
+        if jog.axis.motion.current is not None:
+            jog.axis.report_refusal(refusal(Code.CTL_14, reason=Words.JOG_FROM_REST))
+        jog._direction, jog._speed, jog._released = direction, velocity_rad_s, False
+        jog._begin(jog.axis.motion.move_velocity(direction * velocity_rad_s, held=True))
+
+    patch.setattr(Jog, "_start", start)
+
+
+def key_in_a_move(bench: Bench, target_deg: float, at_s: float, held_s: float) -> None:
+    """At 3 deg/s from 90 deg, where the forward key is pressed."""
+    bench.up().op(move=True, target_rad=rad(target_deg), speed_rad_s=rad(3.0), mode=Mode.CONTINUOUS)
+    bench.op(move=False)
+    bench.engine.run_for(at_s)
+    for lease in range(round(held_s / 0.03)):
+        bench.op(forward=True, lease=lease + 1)
+        bench.engine.run_for(0.03)
+    bench.op(forward=False)
+    bench.engine.run_for(3.0)
+
+
+def a_key_that_takes_over_a_move_to_turn_back(patch: pytest.MonkeyPatch) -> None:
+    takes_over_and_refuses(patch)
+    key_in_a_move(Bench(**QUICK_RAMPS), 60.0, 1.5, 3.0)
+
+
+def a_key_that_takes_over_a_move_and_goes_beyond_its_target(patch: pytest.MonkeyPatch) -> None:
+    takes_over_and_refuses(patch)
+    key_in_a_move(Bench(**QUICK_RAMPS), 95.0, 1.0, 3.0)
+
+
+def a_key_that_goes_the_other_way(patch: pytest.MonkeyPatch) -> None:
+    true = Jog._start
+    patch.setattr(Jog, "_start", lambda jog, direction, *rest: true(jog, -direction, *rest))
+    bench = Bench(**QUICK_RAMPS).up()
+    bench.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(1.0))
+    bench.op(forward=True, lease=1)
+    bench.engine.run_for(1.0)
+
+
+def an_increment_that_is_too_long(patch: pytest.MonkeyPatch) -> None:
+    true = MotionCommands.move_relative
+    patch.setattr(MotionCommands, "move_relative", lambda motion, way, *rest: true(motion, 2.0 * way, *rest))
+    bench = Bench(**QUICK_RAMPS).up()
+    bench.op(mode=Mode.INCREMENTAL, increment_rad=rad(1.0), speed_rad_s=rad(1.0))
+    bench.op(forward=True)
+    bench.op(forward=False)
+    bench.engine.run_for(4.0)
+
+
+def a_move_that_is_told_to_be_refused(patch: pytest.MonkeyPatch) -> None:
+    told = refusal(Code.PWR_03)
+    patch.setattr(GantryProgram, "_check_move", lambda program, _: program.axis.report_refusal(told))
+    bench = Bench(**QUICK_RAMPS).up()
+    bench.op(move=True, target_rad=rad(80.0), speed_rad_s=rad(3.0))
+    bench.op(move=False)
+    bench.engine.run_for(1.0)
+
+
+def key_at_rest(patch: pytest.MonkeyPatch, refused: Refusal) -> None:
+    patch.setattr(GantryProgram, "_check_keys", lambda *_: refused)
+    bench = Bench().up()
+    bench.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(1.0))
+    bench.op(forward=True, lease=1)
+
+
+def a_motion_that_forbids_a_key_at_rest(patch: pytest.MonkeyPatch) -> None:
+    key_at_rest(patch, refusal(Code.CTL_14, reason=Words.JOG_FROM_REST))
+
+
+def a_lease_that_has_run_out_as_it_is_renewed(patch: pytest.MonkeyPatch) -> None:
+    key_at_rest(patch, refusal(Code.CTL_15, measured=260.0, limit=250.0))
+
+
+def a_drive_that_comes_on_with_an_alarm(_: pytest.MonkeyPatch) -> None:
+    """Within the time in which an ENABLE of before may act; there was none."""
+    bench = Bench()
+    bench.engine.run_for(0.1)
+    drive, alarms = bench.drive, bench.engine.program.axis.alarms
+    drive.trip(0x2310)
+    assert bench.engine.run_until(lambda _: alarms.first_out is not None, 0.1)
+    drive._transition = lambda _: setattr(drive, "state", DriveState.OPERATION_ENABLED)
+    bench.engine.step()
+
+
+def an_enable_of_nobody_for_a_scan(_: pytest.MonkeyPatch) -> None:
+    """It brings no torque; in the scan before an alarm it would."""
+    bench = Bench()
+    bench.engine.run_for(0.1)
+    Between(bench, lambda output: output._replace(request=DriveRequest.ENABLE))
+    bench.engine.step()
 
 
 def a_motor_that_turns_while_off(patch: pytest.MonkeyPatch) -> None:
@@ -355,6 +454,12 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-2", a_drive_that_creeps),
         ("INV-2", a_move_that_does_not_end),
         ("INV-2", a_move_after_power_off),
+        ("INV-2", a_key_that_takes_over_a_move_to_turn_back),
+        ("INV-2", a_key_that_takes_over_a_move_and_goes_beyond_its_target),
+        ("INV-2", a_key_that_goes_the_other_way),
+        ("INV-2", an_increment_that_is_too_long),
+        ("INV-2", a_move_that_is_told_to_be_refused),
+        ("INV-2", an_enable_of_nobody_for_a_scan),
         ("INV-2", a_motor_that_turns_while_off),
         ("INV-2", an_enable_that_nobody_asked_for),
         ("INV-3", a_speed_that_jumps),
@@ -368,6 +473,7 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-4", a_speed_without_enable),
         pytest.param("INV-4", a_frame_of_somebody_else, marks=pytest.mark.can),
         ("INV-5", a_drive_that_stays_enabled_after_an_alarm),
+        ("INV-5", a_drive_that_comes_on_with_an_alarm),
         ("INV-6", a_brake_that_opens_without_torque),
         ("INV-6", torque_off_before_the_brake_holds),
         ("INV-7", a_wrong_angle_that_is_called_valid),
@@ -376,6 +482,8 @@ def a_zero_that_moves_under_a_motion_to_an_angle(patch: pytest.MonkeyPatch) -> N
         ("INV-7", a_wrong_time_in_the_words),
         ("INV-7", nothing_was_switched_on),
         ("INV-7", a_stop_without_an_alarm),
+        ("INV-7", a_motion_that_forbids_a_key_at_rest),
+        ("INV-7", a_lease_that_has_run_out_as_it_is_renewed),
     ],
     ids=lambda value: value if isinstance(value, str) else value.__name__,
 )

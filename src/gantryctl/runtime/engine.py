@@ -234,8 +234,13 @@ class Engine:
         feedback, command = drive.read(), self.operator.poll(time_s)
         self.image = image = new_image(InputImage, scan, time_s, feedback, command, stop)
         output = self._active.scan(image)
-        # A custom program may not look: where it would move, the drive stops all the same.
-        if stop is not None and output.request is DriveRequest.ENABLE:
+        # A custom program may not look: where it would move, the drive stops all the same. Torque at zero speed against
+        # a closed brake moves nothing, and may be all that holds a load whose brake slips behind the stop.
+        if (
+            stop is not None
+            and output.request is DriveRequest.ENABLE
+            and (output.brake_open or output.vel_cmd_rad_s)
+        ):
             output = quick_stop_output(output.brake_open)
         record = self._record
         # Row k is the state at k x period, and a simulated plant advances inside the write (decision 0005).

@@ -179,6 +179,9 @@ class FaultBench:
             engine.scan += 1
         else:
             engine.step()
+            # Acknowledged, as by the reset of a service (`service.controller.process`).
+            if engine.system_stop is not None and self.axis.system_stop is None:
+                engine.system_stop = None
         self._look()
 
     def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:

@@ -6,7 +6,10 @@ import math
 from typing import Final
 
 from gantryctl.image import Mode, OperatorCommand
-from gantryctl.program.settings import AxisSettings
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.settings import AxisSettings, RampSettings
 
 SETTLES_MS: Final = 300
 """After a command that is nearly zero the servo still settles for so long."""
@@ -15,6 +18,11 @@ _COMES_TO_REST_MS: Final = 1500
 _LEASE_MS: Final = 250
 # ms in which a step of the drive that was commanded before power was switched off still takes effect.
 _UNDER_WAY_MS: Final = 100
+# A frame that is older is void.
+_FRAME_S: Final = 0.2
+# Reasons of a refusal that speak of a motion under way.
+_MOVES: Final = (Words.JOG_FROM_REST, Words.REVERSAL_FROM_REST, Words.INCREMENT_FROM_REST)
+_ANYWHERE: Final = (-math.inf, math.inf)
 
 
 class Asked:
@@ -23,38 +31,51 @@ class Asked:
     Args:
         settings: ramps that end a motion.
         settled: a slower command is regulation. told: so far from its target a move has arrived.
+        sag: so far beyond the way of what was asked is regulation.
 
     Attributes:
         levels: the last of the operator.
         until_ms: until then a speed has its reason in them.
         target: of the move under way, by the zero of the machine; None without.
+        way: angles between which what was asked for last leads, from where it began and by the zero of the machine.
         at_target_ms: since when it may have arrived.
         brake_test: asked for, and not ended.
     """
 
-    def __init__(self, settings: AxisSettings, settled: float, told: float) -> None:
+    def __init__(self, settings: AxisSettings, settled: float, told: float, sag: float) -> None:
         self._ramps, self._ratio = settings.ramps, settings.law.ratio
-        self._settled, self._told = settled, told
+        self._endless = settings.travel.endless
+        self._settled, self._told, self._sag = settled, told, sag
         self.levels = OperatorCommand()
         self.until_ms = self._power_until = -1.0
         self._reset_ms = self._power_ms = -1
         self.target: float | None = None
+        self.way = _ANYWHERE
         self.at_target_ms = 0
         self.brake_test = False
         self._lease_ms = -1_000_000
         self._key_counts, self._halted, self._by_jog = True, False, False
 
     def take(
-        self, op: OperatorCommand, now: int, vel: float, angle: float, *, moves: bool, refused: bool
-    ) -> None:
-        """Take new levels.
+        self,
+        op: OperatorCommand,
+        now: int,
+        vel: float,
+        angle: float,
+        *,
+        moves: bool,
+        refused: Refusal | None,
+        ramps: RampSettings,
+    ) -> str:
+        """Take new levels; what is told of a key that is refused and is not so, or "".
 
         Args:
             vel: on the wire. angle: true, by the zero of the machine.
             moves: a speed was commanded until now, or the servo still settles.
-            refused: people are told in this scan that something is refused. A move that has just begun is as slow as
-                regulation, and a key is refused then (seed 50442). At standstill a key that is told to be refused and
-                moves the axis all the same gives the motion no reason; during a move nothing shows it.
+            refused: what people are told in this scan to be refused; None for nothing. A move that has just begun is
+                as slow as regulation, and a key is refused then (seed 50442). Neither a key nor a move that is refused
+                gives a motion a reason: the one before goes on, on its own way.
+            ramps: in force, of a move that begins now.
         """
         last, self.levels = self.levels, op
         ramps = self._ramps
@@ -72,13 +93,15 @@ class Asked:
             self._power_until = now + _UNDER_WAY_MS
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
         # An increment and a move go on without a lease until they have arrived.
+        untrue = ""
         if op.move and not last.move and op.power:
-            self.until_ms, self.target, self.at_target_ms = math.inf, op.target_rad * self._ratio, now
-            self._halted = self._by_jog = False
-            # It takes over from a key, which then ends nothing when it is let go.
-            self._key_counts = False
+            if refused is None or not _of_a_move(op, last):
+                self._move(op, now, vel, angle, ramps)
         elif pressed:
-            self._press(op, now, vel, rests=not (refused or self._turns_round(op, angle, moves)))
+            if refused is not None:
+                untrue = self._untrue(refused, op, now, moves)
+            rests = refused is None and not self._turns_round(op, angle, moves)
+            self._press(op, now, vel, angle, rests=rests)
         elif renewed and self._key_counts and self._by_jog and (op.forward or op.reverse):
             # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
             fastest = abs(vel) / self._ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2
@@ -97,8 +120,41 @@ class Asked:
         # What the key began counts, not a mode that was chosen while it was held.
         if released and self._by_jog and self._key_counts:
             self._ends_by(ramps.jog_release_dec_rad_s2, now, vel)
+        return untrue
 
-    def _press(self, op: OperatorCommand, now: int, vel: float, *, rests: bool) -> None:
+    def _move(self, op: OperatorCommand, now: int, vel: float, angle: float, ramps: RampSettings) -> None:
+        """A move takes over: from where it comes to rest first, if it turns round, to its target."""
+        self.until_ms, self.target, self.at_target_ms = math.inf, op.target_rad * self._ratio, now
+        self._halted = self._by_jog = False
+        # It takes over from a key, which then ends nothing when it is let go.
+        self._key_counts = False
+        if self._endless or op.relative:
+            # The whole turn, or the set-point from which it counts, is not known here.
+            self.way = _ANYWHERE
+            return
+        # On its way up to a speed the axis goes beyond it by what the jerk takes from its acceleration.
+        dec = min(ramps.dec_rad_s2, ramps.end_dec_rad_s2)
+        jerk_s = max(ramps.acc_rad_s2, ramps.dec_rad_s2) / min(ramps.jerk_rad_s3, ramps.end_jerk_rad_s3)
+        speed = abs(vel) / self._ratio + ramps.acc_rad_s2 * jerk_s
+        ramp = speed * (0.5 * speed / dec + 1.5 * jerk_s) * self._ratio
+        rest = angle + math.copysign(ramp, vel) if abs(vel) > self._settled else angle
+        self.way = min(angle, rest, self.target) - self._sag, max(angle, rest, self.target) + self._sag
+
+    def leads_away(self, angle: float, vel: float) -> bool:
+        """A speed leads on from outside of the way of what was asked for."""
+        low, high = self.way
+        return angle > high if vel > 0.0 else angle < low
+
+    def _untrue(self, refused: Refusal, op: OperatorCommand, now: int, moves: bool) -> str:
+        """The reason of a refused key against what is so: a motion under way, a lease that has run out."""
+        reason = refused.values.get("reason")
+        if refused.code is Code.CTL_14 and reason in _MOVES and now > self.until_ms and not moves:
+            return f"a key is refused at rest, {reason}"
+        if refused.code is Code.CTL_15 and self._lease_ms == now and op.lease_age_s < _FRAME_S:
+            return "a key is refused for its lease, which was renewed in this scan"
+        return ""
+
+    def _press(self, op: OperatorCommand, now: int, vel: float, angle: float, *, rests: bool) -> None:
         """Take a key: refused while the axis moves, and the move or increment goes on, also when it is let go.
 
         On the ramp of the last held key one of the same direction is taken.
@@ -109,6 +165,10 @@ class Asked:
             self.target, self._by_jog = None, op.mode is Mode.CONTINUOUS
             # A held key moves as long as its lease lives, and then on its ramp; an increment goes on without one.
             self.until_ms = now + _COMES_TO_REST_MS if op.mode is Mode.CONTINUOUS else math.inf
+            if op.forward is not op.reverse:
+                far = math.inf if op.mode is Mode.CONTINUOUS else op.increment_rad * self._ratio
+                back, on = self._sag, far + self._sag
+                self.way = (angle - back, angle + on) if op.forward else (angle - on, angle + back)
 
     def _turns_round(self, op: OperatorCommand, angle: float, moves: bool) -> bool:
         """A move is under way that passes zero speed, or is held there by override 0: a key is refused."""
@@ -155,3 +215,16 @@ class Asked:
         """
         if not 0 <= self._reset_ms < self._power_ms:
             self._power_until = -1.0
+
+
+def _of_a_move(op: OperatorCommand, last: OperatorCommand) -> bool:
+    """Nothing else was asked in this scan that could be refused."""
+    return op == last._replace(
+        move=op.move,
+        target_rad=op.target_rad,
+        speed_rad_s=op.speed_rad_s,
+        direction=op.direction,
+        relative=op.relative,
+        lease=op.lease,
+        lease_age_s=op.lease_age_s,
+    )

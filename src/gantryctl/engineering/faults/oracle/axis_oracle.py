@@ -49,7 +49,8 @@ class AxisOracle:
     after the last command of a controller that commands no more (`silence`).
     **INV-2, no motion without a reason.** While the wire commands no speed and no stop is under way, the motor side
     stays within 0.15 deg; the shipped program commands a speed only while an operator's move, key with a living lease
-    or increment asks for it, and enables only after a rising edge of power or of a brake test, or for HOLD.
+    or increment asks for it, and on its way alone; ENABLE comes only after a rising edge of power or of a brake test,
+    or for HOLD.
     **INV-3, envelope.** The motor side stays within over-travel (or where it began; a modulo axis has no ends) and
     outside of every no-go sector, unless it stands in one and leaves; a stop of a fault ends at most 4.5 deg further.
     It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback, and what the load of
@@ -58,14 +59,16 @@ class AxisOracle:
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
-    for HOLD; and after the reset no torque before a new rising edge of power (shipped program).
+    for HOLD and an ENABLE of before the alarm; and after the reset no torque before a new rising edge of power (shipped
+    program).
     **INV-6, the load is held.** Torque on, or the brake closed, or closing for at most 0.2 s. The brake opens only
     while torque has been on for 10 ms. Torque is taken off only behind a closed brake, unless
     TORQUE OFF was told, or that the brake does not close; a drive that goes off by itself is told as such within 0.2 s.
     **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; where
     the reading stands and the axis may be at rest, when the controller has asked it (`Liveness.answer_s`), and at most
     by the way of a fault at standstill. The zero of a modulo axis moves by whole turns only, and not under a motion to
-    an angle; no stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`).
+    an angle; no stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`), and so is a
+    motion or a lease for which a key is refused.
 
     Args:
         found: takes each violation, the first of each invariant.
@@ -87,6 +90,7 @@ class AxisOracle:
         "_commanded",
         "_creeps",
         "_deg",
+        "_enabled_until_ms",
         "_found",
         "_high",
         "_in_sector",
@@ -144,6 +148,7 @@ class AxisOracle:
         self._reason_ms = -1
         self._refusals = 0
         self._reset_ms = -1
+        self._enabled_until_ms: float = -math.inf
         self._asked: Asked | None = None
         self._commanded = (0.0, 0.0)
         self._silent_from: float = math.inf
@@ -179,7 +184,7 @@ class AxisOracle:
         slowest, settled = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio, self._wire.settled
         self._creeps = slowest < settled
         self._told.bind(self._axis, shipped=self._shipped, settles_s=settled / slowest)
-        self._asked = Asked(settings, settled, self.bounds.told_deg * k)
+        self._asked = Asked(settings, settled, self.bounds.told_deg * k, self._sag)
 
     def begin(self, angle: float, brake_open: bool, energised: bool) -> None:
         """Take the state in which the axis is met."""
@@ -233,10 +238,12 @@ class AxisOracle:
         if operator is not None and asked is not None:
             refusals, self._refusals = self._refusals, axis.refusal_count
             if operator is not asked.levels:
-                asked.take(
-                    operator, self.ms, self._wire.vel, self.angle + self.offset,
-                    moves=self.ms <= self._reason_ms, refused=self._refusals != refusals,
+                untrue = asked.take(
+                    operator, self.ms, self._wire.vel, self.angle + self.offset, moves=self.ms <= self._reason_ms,
+                    refused=axis.refusal if self._refusals != refusals else None, ramps=axis.virtual.ramps,
                 )  # fmt: skip
+                if untrue and self._shipped:
+                    self.say("INV-7", untrue)
         held = self.known.held
         if held is not None and operator is not None:
             self.known.held = held.commands(self.now())
@@ -247,7 +254,7 @@ class AxisOracle:
         if vel != 0.0:
             self._speed_on_wire(request, vel, brake_open)
         else:
-            self._wire.zero(self)
+            self._wire.zero(self, self._told.wrong)
         if request is not self._request:
             self._requested(request)
         if axis is None:
@@ -269,12 +276,21 @@ class AxisOracle:
 
     def _requested(self, request: DriveRequest) -> None:
         before, self._request = self._request, request
+        if before is _ENABLE:
+            self._enabled_until_ms = self.ms
+        elif request is _ENABLE and self._latched is None and self._unasked():
+            self.say("INV-2", "ENABLE on the wire, and nobody asked for it")
         if request is _QUICK_STOP:
             self._reason_ms = max(self._reason_ms, self.ms + round(1e3 * self.bounds.rest_s[StopClass.QUICK]))
         # A program that failed is replaced by the engine, which tells it as an exception (SYS-09).
         silent = self._axis is not None and self._axis.alarms.first_out is None and not self.program_over
         if silent and request is _QUICK_STOP and before is _ENABLE:
             self.say("INV-7", "a quick stop on the wire without a first-out alarm")
+
+    def _unasked(self) -> bool:
+        """Nobody has asked for torque, and none is needed to hold the load."""
+        asked = self._asked
+        return asked is not None and self._shipped and not (asked.power(self.ms) or self._holding())
 
     # --- alarms and latch ---------------------------------------------------------------------------------------
 
@@ -437,9 +453,9 @@ class AxisOracle:
     def _torque_on(self, now: int) -> None:
         self._load.torque_on(now)
         by_person = self._asked is not None and self._asked.power(now)
-        # What was commanded before the alarm acts at the SYNC after it; an ENABLE behind it is found on the wire.
-        stop = self._stop
-        if stop is not None and now - stop.told.ms <= self.scans_ms(READING_SCANS):
+        # An ENABLE that was on the wire before the alarm acts at the SYNC after it; one behind it is found there.
+        stop, late_ms = self._stop, self.scans_ms(READING_SCANS)
+        if stop is not None and max(now - stop.told.ms, now - self._enabled_until_ms) <= late_ms:
             return
         if self._latched is not None and not self._holding():
             self.say("INV-5", f"torque came on while {self._latched.code} is latched")

@@ -26,7 +26,7 @@ class SpeedOnWire:
         self._ms = -1
         self._step, self._step_rad = "", 0.0
         self._stray = 0.0
-        self._rest_angle = 0.0
+        self._rest_angle = self._rest_wrong = self._wrong = 0.0
         # Replaced by `bind`.
         self._shipped = True
         self.settled = self._dither = self._sag = self._slope = math.inf
@@ -49,10 +49,10 @@ class SpeedOnWire:
         steepest = max(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2, ramps.acc_rad_s2)
         self._slope = (steepest + correction) * ratio * 1e-3
 
-    def zero(self, true: TrueAxis) -> None:
-        """No speed is commanded."""
+    def zero(self, true: TrueAxis, wrong: float) -> None:
+        """No speed is commanded; `wrong` as in `command`."""
         self.vel, self._ms, self._step = 0.0, true.ms, ""
-        self._rest_angle = true.angle
+        self._rest_angle, self._rest_wrong = true.angle, wrong
 
     def command(self, true: TrueAxis, vel: float, wrong: float, asked: Asked | None) -> bool:
         """Judge a speed; true when it is more than regulation.
@@ -71,10 +71,13 @@ class SpeedOnWire:
                 self._stepped(true, before, vel, passed)
         self.vel, self._ms = vel, now
         if -self.settled < vel < self.settled:
-            self._rest_angle = true.angle
+            self._rest_angle, self._rest_wrong = true.angle, wrong
             return False
+        self._wrong = wrong
         if asked is not None:
             asked.at_target_ms = now
+            if self._shipped and asked.leads_away(true.angle + true.offset, vel):
+                self._leads_away(true, asked, vel)
             if now > asked.until_ms:
                 self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
                 self._check_origin(true, asked, vel)
@@ -95,6 +98,16 @@ class SpeedOnWire:
         if self._step_rad > self._dither:
             true.say("INV-3", self._step)
             self._step = ""
+
+    def _leads_away(self, true: TrueAxis, asked: Asked, vel: float) -> None:
+        """A speed that leads on from outside of the way of the move or key behind it."""
+        if true.ms <= asked.until_ms and not self._known.of_feedback(true.ms):
+            low, high = (true.deg(end) for end in asked.way)
+            true.say(
+                "INV-2",
+                f"{true.deg(vel):.3f} deg/s commanded at {true.deg(true.angle + true.offset):.3f} deg, and what was "
+                f"asked for leads from {low:.3f} to {high:.3f} deg",
+            )
 
     def _check_origin(self, true: TrueAxis, asked: Asked, vel: float) -> None:
         """A speed without a person behind it, over more than a dither. Other programs move by their own logic."""
@@ -117,10 +130,13 @@ class SpeedOnWire:
 
         So it does long after a drive began to turn the other way, or where a load has become too much for the torque,
         and nobody has to ask for it, no further than may be moved without a reason. The command of rest may be off by
-        the regulation, a reading on a bus is some scans old. A loop through an encoder on the ring answers the
-        way of the load, off that of the motor by what both may differ by (B8: friction holds a motor without torque).
+        the regulation, a reading on a bus is some scans old. A loop through an encoder on the ring answers what
+        that has corrected of the angle that is told, at most by what both may differ (B8: friction holds a motor
+        without torque, and 0.0004 deg of correction ask for 0.052 deg/s); the angle itself is judged by INV-7. On a
+        bus it is told a scan before, when there may have been half of it.
         """
         way = true.angle - self._rest_angle
         late = 1e-3 * true.scans_ms(READING_SCANS) * abs(true.speed)
-        answers = abs(vel + self._kpp * way) <= self.settled + self._kpp * (late + self._apart)
+        apart = min(self._apart, 2.0 * abs(self._wrong - self._rest_wrong))
+        answers = abs(vel + self._kpp * way) <= self.settled + self._kpp * (late + apart)
         return answers and abs(way) <= self._sag
