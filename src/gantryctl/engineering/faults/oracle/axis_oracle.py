@@ -67,8 +67,8 @@ class AxisOracle:
     **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; where
     the reading stands and the axis may be at rest, when the controller has asked it (`Liveness.answer_s`), and at most
     by the way of a fault at standstill. The zero of a modulo axis moves by whole turns only, and not under a motion to
-    an angle; no stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`), and so is a
-    motion or a lease for which a key is refused.
+    an angle; no stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`),
+    and so is a motion or a lease for which a key is refused.
 
     Args:
         found: takes each violation, the first of each invariant.
