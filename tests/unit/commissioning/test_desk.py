@@ -13,7 +13,7 @@ import pytest
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, Step, StepResult
 from gantryctl.commissioning.in_service.board import Board, offered
 from gantryctl.commissioning.in_service.desk import Desk
-from gantryctl.commissioning.in_service.tags import fast_tags
+from gantryctl.commissioning.in_service.tags import fast_tags, slow_tags
 from gantryctl.commissioning.results import Figure
 from gantryctl.commissioning.watch import Seen, StepWatch
 from gantryctl.engineering.report.meter import Meter
@@ -222,7 +222,10 @@ def test_the_journal_says_why_a_step_was_stopped(room: Room) -> None:
     room.desk.events.put = keep  # type: ignore[method-assign, assignment]
     room.begun()
     room.ask(VIEWER, "stop")
-    assert "step identity is stopped: stopped by vera" in told
+    # A second push of the same button is no other stop, and no other reason.
+    room.ask(OTHER, "stop")
+    assert [text for text in told if "is stopped" in text] == ["step identity is stopped: stopped by vera"]
+    assert room.desk.halt.why == "stopped by vera"
     # What the thread of the step has to tell goes there too.
     room.desk.tell("command", "step identity began")
     room.go(LOOK_S)
@@ -272,6 +275,13 @@ def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> Non
     # Nobody has read a drive, or a program has it.
     for seen in (None, Seen(-90.25, 0.5, None)):
         assert fast_tags(MACHINE, seen, moves=True)["drive_state"] is DriveState.UNKNOWN
+
+
+def test_what_cannot_be_while_the_axis_is_commissioned() -> None:
+    """No motion, no reset, nothing refused; the page of the commissioning is open."""
+    tags = slow_tags(MACHINE, None, None, second_person=False)
+    assert (tags["mode"], tags["reset_locked"], tags["commissioning_available"]) == ("none", False, True)
+    assert (tags["refusal_text"], tags["refusal_messages"]) == ("", [])
 
 
 def test_a_second_client_is_refused(room: Room) -> None:

@@ -23,6 +23,7 @@ PROGRESS = Progress("m", "0" * 64)
         (Figure(1.0, high=1.0), True),
         (Figure(1.1, high=1.0), False),
         (Figure(0.9, low=1.0), False),
+        (Figure(1.0, low=1.0), True),
         (Figure(1.0, 0.8, 1.2), True),
         (Figure(None, high=1.0), False),
         (Figure(math.nan, high=1.0), False),

@@ -94,6 +94,20 @@ def test_a_pulse_may_have_its_speed_and_no_more(way: float) -> None:
             steps_sign._hold_back(shown(way * speed), 0.03)
 
 
+def test_a_pulse_is_a_half_sine_and_then_rest() -> None:
+    """1.5 s are 375 scans, 0.5 s of rest 125: as fast at the end as at the beginning, and 0.03 deg in all."""
+    asked: list[float] = []
+    axis: Any = SimpleNamespace(
+        angle_deg=0.0, speed_deg_s=0.0, period_s=PERIOD_S, scan=lambda _, speed: asked.append(speed)
+    )
+    steps_sign._pulse(axis)
+    pulse, rest = asked[:375], asked[375:]
+    assert rest == [0.0] * 125
+    assert pulse == pytest.approx(pulse[::-1], abs=1e-12)
+    assert max(pulse) == pytest.approx(0.0314159, rel=1e-4)  # 0.03 deg in 1.5 s, times pi/2
+    assert sum(pulse) * PERIOD_S == pytest.approx(0.03, rel=1e-4)
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("given", [1.15, math.nextafter(1.15, 2.0), math.nan])
 def test_a_lowered_torque_limit_may_be_passed_by_15_percent(given: float, way: float) -> None:

@@ -302,6 +302,12 @@ def test_a_silence_is_told_with_its_brake(brake_open: bool, words: str) -> None:
     assert "after 50 ms (EMCY after 12 ms), moved" in steps_silence._told(seen)
 
 
+def test_a_brake_that_nobody_has_seen_counts_as_open() -> None:
+    """A drive in fault that has said nothing of its brake has not stopped the axis."""
+    assert not silence.SilentDrive(state=S.FAULT).stopped
+    assert silence.SilentDrive(state=S.FAULT, brake_open=False).stopped
+
+
 def test_the_copy_and_not_the_original_runs_the_axis(monkeypatch: pytest.MonkeyPatch) -> None:
     def run_on(_: object) -> None:
         raise SystemExit
@@ -363,7 +369,9 @@ def test_the_copy_hears_nobody_and_goes_on_until_it_is_killed(monkeypatch: pytes
         if did.count(request) == 3:
             raise KeyboardInterrupt
 
-    stand_in = SimpleNamespace(open=lambda *_: 9, devnull="", O_WRONLY=1, dup2=lambda a, b: None, _exit=leave)
+    stand_in = SimpleNamespace(
+        open=lambda *_: 9, devnull="", O_WRONLY=1, dup2=lambda a, b: did.append(f"{a} for {b}"), _exit=leave
+    )  # fmt: skip
     monkeypatch.setattr(controller_death, "os", stand_in)
     link = SimpleNamespace(log_nothing=lambda: did.append("no log"))
     axis: Any = SimpleNamespace(
@@ -372,4 +380,6 @@ def test_the_copy_hears_nobody_and_goes_on_until_it_is_killed(monkeypatch: pytes
     )  # fmt: skip
     with pytest.raises(SystemExit):
         controller_death._run_on(axis)
-    assert did == ["no log", "deaf", "in time", *[DriveRequest.ENABLE] * 3, 1]
+    # Standard output and error: the other one tells what is to be told.
+    assert did[:2] == ["9 for 1", "9 for 2"]
+    assert did[2:] == ["no log", "deaf", "in time", *[DriveRequest.ENABLE] * 3, 1]

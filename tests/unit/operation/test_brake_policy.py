@@ -125,6 +125,8 @@ def test_only_service_opens_a_failed_brake_and_a_locked_alarm() -> None:
     assert locked_code(replace(NEW, brake_failed="bore 10 N m")) == "BRK-08"
     assert locked_code(replace(NEW, brake_failed="bore 10 N m", error_stop="CTL-03")) == "BRK-08"
     assert why_brake_failed(NEW) is None
+    # Of an older version, or before the first test, there are no words.
+    assert last_test(NEW) == []
     reason = why_brake_failed(replace(NEW, brake_failed="bore 10 N m"))
     assert reason is not None
     assert (reason.code, reason.cleared_by) == (Code.BRK_08, ClearedBy.SERVICE)

@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from gantryctl.program import Axis, Code
 from gantryctl.runtime import Retained
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import rad
-from gantryctl.wiring.program import axis_settings
+from gantryctl.wiring.program import axis_settings, travel_settings
 from gantryctl.wiring.simulator import turned_back
 from support.modulo_machine import ENCODER_TURNS, modulo_machine
 
@@ -157,6 +159,17 @@ def test_a_linear_axis_refuses_a_direction_before_power() -> None:
         run.move(10.0, direction=Direction.SHORTEST)
     assert run.axis.is_off
     run.close("refused")
+
+
+@pytest.mark.parametrize(("read_deg", "shown_deg"), [(100.0, 100.0), (-170.0, -170.0), (190.0, -170.0)])
+def test_before_the_first_scan_the_angle_is_that_of_the_opening(read_deg: float, shown_deg: float) -> None:
+    """In the turn of the file, from -180 deg on: a move is checked against it."""
+    run: Any = SimpleNamespace(
+        engine=SimpleNamespace(scan=0),
+        axis=SimpleNamespace(settings=SimpleNamespace(travel=travel_settings(modulo_machine()))),
+        _open=SimpleNamespace(reading=SimpleNamespace(angle_deg=read_deg)),
+    )
+    assert AxisRun.angle_deg.fget(run) == pytest.approx(shown_deg)  # type: ignore[attr-defined]
 
 
 def test_the_zero_is_set_anywhere_in_the_turn_and_kept() -> None:

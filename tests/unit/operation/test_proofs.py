@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from gantryctl.errors import StateError
 from gantryctl.image import DriveState, LinkHealth
-from gantryctl.operation import proofs
+from gantryctl.operation import proofs, run
 from gantryctl.operation.ledger.acceptance import proven_hash
 from gantryctl.operation.ledger.rows import LedgerRow, Standing
 from gantryctl.operation.opening import new_machine
@@ -20,12 +21,15 @@ from gantryctl.operation.proofs import (
     ledger_notes,
     ledger_reasons,
     ledger_shown,
+    load_record,
     load_silent_master_proof,
+    store_record,
     store_silent_master_proof,
     why_in_fault,
     why_not_commissioned,
     why_silence_not_proven,
 )
+from gantryctl.operation.run import AxisRun
 from gantryctl.program.alarms.reason import ClearedBy
 from gantryctl.program.alarms.words import Words
 
@@ -132,3 +136,29 @@ def test_a_machine_without_nodes_is_told_with_a_dash() -> None:
     why = why_not_commissioned(REAL, RECORD, "A", (), ())
     assert why is not None
     assert why.values["nodes"] == "-"
+
+
+@pytest.mark.parametrize("damage", ["drive = ", 'drive = "A"\n'])
+def test_a_damaged_record_is_no_missing_one(tmp_path: Path, damage: str) -> None:
+    """The person is told to commission again, and which file is damaged."""
+    path = tmp_path / "record.toml"
+    assert load_record(path) is None
+    path.write_text(damage, encoding="utf-8")
+    with pytest.raises(StateError, match=r"record\.toml: the commissioning record cannot be read"):
+        load_record(path)
+    store_record(path, RECORD)
+    assert load_record(path) == RECORD
+
+
+def test_a_run_is_held_by_record_and_brake_unless_it_says_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[dict[str, Any]] = []
+
+    def opens(*_: Any, **options: Any) -> None:
+        asked.append(options)
+        raise StateError
+
+    monkeypatch.setattr(run, "open_axis", opens)
+    for options in ({}, {"commissioning": True}):
+        with pytest.raises(StateError):
+            AxisRun(MACHINE, **options)
+    assert [options["commissioning"] for options in asked] == [False, True]

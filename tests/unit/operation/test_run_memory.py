@@ -83,8 +83,10 @@ def test_a_failed_brake_of_an_earlier_run_is_not_written_down_again(
     axis = an_axis()
     axis.alarms.scan = scan
     axis.alarms.raise_(Code.BRK_08, measured="a test")
+    # What else was there in the first scan is new.
+    axis.alarms.raise_(Code.ENC_06)
     after = retained_after(MACHINE, replace(REST, brake_failed=failed_before), axis, Left(RAW), END)
-    assert len(after.alarms) == kept
+    assert [alarm.code for alarm in after.alarms] == ["BRK-08"] * kept + ["ENC-06"]
 
 
 def test_what_the_brake_took_in_stops_of_a_run_is_added() -> None:

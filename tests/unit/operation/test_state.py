@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,7 +17,7 @@ from gantryctl.image import DriveState
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import opening, state
 from gantryctl.operation.brake_policy import brake_words, locked_code
-from gantryctl.operation.home_reference import judge_reference
+from gantryctl.operation.home_reference import RestVerdict, judge_reference
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import (
@@ -148,6 +149,7 @@ def test_the_zero_lies_where_map_and_angle_put_it(monkeypatch: pytest.MonkeyPatc
     # The motor stands at 12 deg and what it leads the load by.
     way = (retained.rest_position_counts - retained.zero_offset_counts) % (COUNTS_PER_TURN * TURNS)
     assert way == pytest.approx((12.0 + lead_deg) * COUNTS_PER_DEG, abs=20.0)
+    assert 0 <= retained.zero_offset_counts < COUNTS_PER_TURN * TURNS
     assert retained.zero_witness == "mark 7"
     assert retained.previous_offset_counts is not None
 
@@ -232,6 +234,37 @@ def test_a_failed_brake_is_told_first_and_locks() -> None:
     assert locked_code(replace(failed, brake_failed="")) == ""
     assert locked_code(replace(failed, error_stop="ENC-01")) == "ENC-01"
     assert locked_code(replace(failed, error_stop="CTL-03", brake_failed="")) == ""
+
+
+@pytest.mark.parametrize(
+    ("tested_at", "begins"), [("2026-11-20T10:00:00Z", "passed 2026-11-20"), ("", "due after")]
+)
+def test_only_a_brake_that_was_tested_has_passed(tested_at: str, begins: str) -> None:
+    assert brake_words(MACHINE, replace(kept(), brake_tested_at=tested_at), NOW).startswith(begins)
+
+
+def test_a_user_whom_the_system_does_not_know_has_a_name_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody() -> str:
+        raise KeyError
+
+    monkeypatch.setattr(state.getpass, "getuser", nobody)
+    assert state.operator_name() == "unknown user"
+
+
+def test_a_zero_may_have_just_the_margin_of_the_file() -> None:
+    """As the start has it, or what was stored would be refused there. 2048 turns leave 142 deg beside the travel."""
+    short = with_values(MACHINE, {"encoder.turns": 2048, "plant.encoder.mounting_turns": 1024})
+    reset_simulation(short, 10.0)
+    reading = encoder_report(short).reading
+    assert reading.margin_minus_deg is not None
+    assert reading.margin_plus_deg is not None
+    least = min(reading.margin_minus_deg, reading.margin_plus_deg)
+    machine = with_values(short, {"encoder.wrap_margin_min_deg": least})
+    assert set_encoder_zero(machine, 10.0, "mark")
+    assert encoder_report(machine).reading.verdict is RestVerdict.OK
+    machine = with_values(short, {"encoder.wrap_margin_min_deg": math.nextafter(least, math.inf)})
+    with pytest.raises(CommandRefused, match="wraps 142"):
+        set_encoder_zero(machine, 10.0, "mark")
 
 
 def test_a_zero_is_of_this_encoder_at_this_rest_and_the_one_before_is_kept() -> None:

@@ -157,6 +157,27 @@ def test_the_numbers_of_the_laws_are_those_of_the_calibration() -> None:
     assert {name: found[name] for name in expected} == approx(expected, rel=1e-5)
 
 
+def test_the_numbers_of_the_laws_are_those_of_the_file() -> None:
+    """No two of them alike; 1 deg is 0.0174533 rad, a scan 1 ms. A load that swings after a stop has up to 1 deg/s."""
+    keys = {
+        "torque.limit_nm": 300.0, "windup.reversal_length_deg": 0.02, "gear_map.fade_hz": 3.0,
+        "gear_map.limit_deg": 0.5, "load_encoder.integral_per_s": 0.7, "load_encoder.dead_band_deg": 0.004,
+        "load_encoder.limit_deg": 0.25, "damping.gain": 0.2, "damping.filter_ms": 20.0, "damping.slow_s": 0.5,
+        "latency_us": 1500.0,
+    }  # fmt: skip
+    machine = with_values(
+        improved_machine(), {f"control.compensation.{key}": value for key, value in keys.items()}
+    )
+    expected = {
+        "period_s": 0.001, "torque_limit_nm": 300.0, "reversal_length_rad": 3.49066e-4, "fade_rad_s": 18.849556,
+        "pos_limit_rad": 0.00872665, "encoder_gain_per_s": 0.7, "encoder_dead_band_rad": 6.98132e-5,
+        "encoder_limit_rad": 0.00436332, "swing_speed_max_rad_s": 0.0174533, "damping_gain": 0.2,
+        "damping_filter": 0.0487706, "damping_slow": 0.001998, "latency_s": 0.0015,
+    }  # fmt: skip
+    found = wiring._numbers(machine)
+    assert {name: found[name] for name in expected} == approx(expected, rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("changes", "name", "value"),
     [

@@ -10,7 +10,7 @@ import pytest
 
 from gantryctl.drives.canopen.nodes.outputs import OutputWriter
 from gantryctl.drives.canopen.nodes.ring_encoder import RingEncoder
-from gantryctl.drives.canopen.settings import OutputBits
+from gantryctl.drives.canopen.settings import InputBits, IoNodeSettings, OutputBits
 from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.wiring.canopen import canopen_settings
 from unit.drives.canopen.canopen_bench import machine
@@ -32,6 +32,17 @@ def words(well: bool, scans: int = 200) -> list[int]:
 
 def test_the_watchdog_has_edges_and_the_enable_is_on_while_all_is_well() -> None:
     assert set(words(True)) == {1, 3}
+
+
+def test_a_watchdog_relay_at_the_node_has_its_edges_too() -> None:
+    """Bit 2 of 6200: an edge every 24 ms, of 100 ms after which the relay opens, and no bit of the drive."""
+    node = IoNodeSettings(3, InputBits(), OutputBits(watchdog=2))
+    writer = OutputWriter(replace(canopen_settings(machine()), outputs=OutputBits(), io=node))
+    found = []
+    for _ in range(14):
+        writer.take(OutputImage(DriveRequest.ENABLE), brake_released=False, well=True)
+        found.append((writer.node_word, writer.drive_word & ~1))
+    assert found == [(4, 0)] * 6 + [(0, 0)] * 6 + [(4, 0)] * 2
 
 
 def test_a_drive_that_is_not_heard_gets_no_edge_and_no_enable() -> None:

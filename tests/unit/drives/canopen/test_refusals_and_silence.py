@@ -276,6 +276,7 @@ def test_a_request_that_is_answered_in_segments_is_not_answered() -> None:
     ("interface", "channel", "bitrate", "options"),
     [
         ("udp_multicast", None, None, {"channel": UDP_GROUP}),
+        ("udp_multicast", "239.0.0.7", None, {"channel": "239.0.0.7"}),
         ("socketcan", "can0", 500_000, {"channel": "can0", "bitrate": 500_000, "receive_own_messages": True}),
         ("virtual", None, None, {}),
     ],

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gantryctl.drives.canopen.bus.link import Frame
+from gantryctl.drives.canopen.bus.link import Frame, Traffic
 from gantryctl.image import DriveRequest, DriveState, LinkFlag, OutputImage
 from unit.drives.canopen.canopen_bench import SYNC_S, Bench
 
@@ -181,13 +181,43 @@ def test_a_turning_drive_that_takes_no_command_gets_no_heartbeat(monkeypatch: py
     bench.drive.close()
 
 
+@pytest.mark.parametrize(("missed", "kept_scans"), [(1, 50), (2, 25)])
+@pytest.mark.parametrize("shown", [0x27, 0x07])
+def test_a_drive_that_keeps_its_torque_against_its_command_loses_the_relay(
+    monkeypatch: pytest.MonkeyPatch, missed: int, kept_scans: int, shown: int
+) -> None:
+    """After 0.2 s, scans that were missed included, and until the next command: Operation enabled, or quick stop."""
+    bench = Bench().open().enable()
+    well: list[bool] = []
+    monkeypatch.setattr(bench.drive.beside, "send", lambda output, released, well_: well.append(well_))
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | shown)
+    monkeypatch.setattr(bench.drive, "_periods", lambda: missed)
+    bench.run(0.4, R.DISABLE)
+    assert well == [True] * kept_scans + [False] * (100 - kept_scans)
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x40)
+    well.clear()
+    bench.run(0.02, R.DISABLE)
+    bench.run(0.02, R.ENABLE)
+    assert well == [False] * 5 + [True] * 5
+
+
+def test_a_ramp_after_a_fault_leaves_the_relay_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive in its fault reaction ramps down by itself."""
+    bench = Bench().open().enable()
+    well: list[bool] = []
+    monkeypatch.setattr(bench.drive.beside, "send", lambda output, released, well_: well.append(well_))
+    statuswords(bench, monkeypatch, lambda word: word & ~0x4F | 0x0F)
+    bench.run(0.4, R.DISABLE)
+    assert well == [True] * 100
+
+
 @pytest.mark.parametrize(
     ("changes", "off"),
     [
         ({}, True), ({"vel_act_rad_s": 0.5}, False), ({"vel_act_rad_s": -0.5}, False), ({"brake_open": True}, False),
         ({"age_scans": 1}, False), ({"state": S.UNKNOWN}, False), ({"state": S.OPERATION_ENABLED}, False),
         ({"state": S.QUICK_STOP_ACTIVE}, False), ({"state": S.FAULT_REACTION_ACTIVE}, False),
-        ({"state": S.FAULT}, True),
+        ({"state": S.FAULT}, True), ({"vel_act_rad_s": 0.0199}, True), ({"vel_act_rad_s": 0.02}, False),
     ],
 )  # fmt: skip
 def test_only_a_drive_that_shows_off_and_at_rest_loses_its_watch(
@@ -201,6 +231,24 @@ def test_only_a_drive_that_shows_off_and_at_rest_loses_its_watch(
     sent = sent_from_now(bench, monkeypatch, SDO)
     bench.drive.close()
     assert ("23 16 10 01 00 00 00 00" in sent) is off
+
+
+def test_the_last_scans_keep_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without it 3 s of scans are over before the brake has closed, and the drive is left with its watch."""
+    bench = Bench().open().enable()
+    order: list[object] = []
+    send = bench.link.send
+
+    def sends(can_id: int, data: bytes) -> bool:
+        if can_id in (RPDO_1, 0x080):
+            order.append(can_id)
+        return send(can_id, data)
+
+    monkeypatch.setattr(bench.link, "send", sends)
+    monkeypatch.setattr(bench.link, "pace", order.append)
+    bench.drive.close()
+    assert len(order) >= 3 * round(0.15 / SYNC_S)  # the brake takes 0.15 s to close
+    assert order == [RPDO_1, SYNC_S, 0x080] * (len(order) // 3)
 
 
 @pytest.mark.parametrize("contact", [True, False])
@@ -249,6 +297,7 @@ def test_each_counter_has_its_own_name() -> None:
     for number, name in enumerate(names, 101):
         setattr(first, name, number)
     drive.node.heartbeat_age, drive.scan, drive.node.boots, drive.node.foreign = 11, 12, 13, 14
+    drive.node.unknown, drive.link._last = 20, Traffic(0, 3)
     drive.link.refused, drive.link.queue_full, drive.link.bus_offs, drive.link.passives = 15, 16, 17, 18
     drive.node.emergencies.take(bytes.fromhex("10 23 02"), 1)
     drive.node.emergencies.take(bytes.fromhex("00 00 00"), 2)
@@ -256,6 +305,8 @@ def test_each_counter_has_its_own_name() -> None:
     of_first = [getattr(found, "longest_age_scans" if name == "longest_age" else name)[0] for name in names]
     assert of_first == list(range(101, 108))
     assert (found.heartbeat_age_scans, found.scans, found.boots, found.foreign) == (11, 12, 13, 14)
+    # Frames without a meaning here, those that the kernel kept away among them.
+    assert found.unknown == 23
     assert (found.refused, found.queue_full, found.bus_offs, found.passives) == (15, 16, 17, 18)
     # The end of an error is counted and is no message.
     assert (found.emergencies, [text[:9] for text in found.messages]) == (2, ["EMCY 2310"])

@@ -107,6 +107,15 @@ def test_a_position_behind_a_missing_one_is_as_old_as_its_way_says(speed: str, b
         assert bus.sync((0x182, f"37 12 {position} 9C FF"), other).age == age
 
 
+@pytest.mark.parametrize(("speed", "age"), [("2C 01 00 00", 1), ("F0 00 00 00", 0)])
+def test_a_way_of_less_than_an_increment_tells_no_age(speed: str, age: int) -> None:
+    """300 increments a second are 1.2 a scan, 240 are 0.96. Of two scans the position has gone on by one."""
+    bus, other = Telegrams(), (0x282, f"{speed} 02 00 01 00")
+    bus.sync(BOTH[0], other)
+    bus.sync(other)
+    assert bus.sync((0x182, "37 12 01 00 08 00 9C FF"), other).age == age
+
+
 def test_the_ends_of_the_numbers() -> None:
     units = BusUnits(settings(), 257.0)
     assert (units.velocity(1e9), units.velocity(-1e9)) == (2**31 - 1, -(2**31) + 1)
