@@ -159,7 +159,7 @@ class _Run:
             known.brake_late_s = each.values["late_s"]
         if (each.where, each.kind) == (Place.BRAKE, "torque"):
             known.brake_share = each.values["share"]
-        if each.kind == "silent" and each.values["which"] == "io":
+        if each.kind == "outputs_dead" or (each.kind == "silent" and each.values["which"] == "io"):
             # The brake that it works falls with the watchdog relay, which waits for an edge that does not come.
             known.brake_late_s = max(known.brake_late_s, bench.machine.can.watchdog_ms * 1e-3)
         if each.kind == "readings_late":

@@ -235,14 +235,18 @@ POWER: Final = (
         Text("转矩丧失", "速度偏离指令 {deviation} °/s 已 {time_ms} ms，而转矩为 {measured} N m",
              "驱动器已使能但没有转矩：功率级、电机电缆、转矩限值。", _CHECK_DRIVE_ZH),
     ),
-    # The axis goes on: only what is judged by torque is blind, and nothing learns from the reading meanwhile.
+    # The axis goes on: only what is judged by torque is blind, and nothing learns from the reading meanwhile. In the
+    # torque proof it is a quick stop, and the brake stays closed.
     Definition(
         Code.DRV_14, _WARN, Reaction.W,
         Text("Torque reading implausible", "{measured}",
-             "The drive reports a torque that it does not give: current sensor, scaling, mapping of 6077.",
-             "The present motion goes on. Switch off, check the torque reading, then reset. No motion before."),
-        Text("转矩读数不可信", "{measured}", "驱动器报告的转矩并非其输出：电流传感器、比例、6077 映射。",
-             "当前运动继续。断电，检查转矩读数，然后复位。此前不得运动。"),
+             "The drive reports a torque that it does not give: current sensor, scaling, mapping of 6077. At power-up "
+             "also a brake that does not hold: the load hangs on the motor.",
+             "A motion under way goes on, a power-up is stopped. Switch off, check the torque reading and the brake, "
+             "then reset. No motion before."),
+        Text("转矩读数不可信", "{measured}",
+             "驱动器报告的转矩并非其输出：电流传感器、比例、6077 映射。上电时也可能是制动器未抱住：负载由电机承担。",
+             "进行中的运动继续，上电过程停止。断电，检查转矩读数和制动器，然后复位。此前不得运动。"),
         blocks_motion=True,
     ),
     # Fault catalogue G9: the hardware acts; the program mirrors it within a scan.

@@ -153,7 +153,8 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
         Code.BRK_06,
         Code.BRK_07,
     ),
-    Place.BRAKE: ("BRK-", *_CONTROL),
+    # A load that hangs on the motor alone takes more torque than the proof asks for (seed 70322).
+    Place.BRAKE: ("BRK-", Code.DRV_14, *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
     # A channel that is wired to the drive alone shows as a power stage without its supply: it leaves Operation
     # enabled, and stays in Ready to switch on.

@@ -370,6 +370,11 @@ class AxisOracle:
         if not energised and (brake_open or self._load.off_unjudged):
             self._load.unheld(self)
 
+    def left(self) -> None:
+        """The drive has no torque from here on, before the next command: it left Operation enabled by itself."""
+        if self.bound and self.energised:
+            self._switched(False, self.brake_open)
+
     def _silent(self, energised: bool, brake_open: bool) -> None:
         """Judge one millisecond of an axis that nobody commands any more."""
         # A controller that comes back tells what it sees then of a stop that went on without it.

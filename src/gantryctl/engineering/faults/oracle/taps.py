@@ -192,6 +192,8 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
             sim = drive.sim
             axis.inside = sim.scan_period_s > 1.5 * _SAMPLE_S
             axis.begin(sim.truth()[2], sim.feedback(_COUNT_RAD)[3], drive.state in _ENERGISED)
+        if drive.state not in _ENERGISED:
+            axis.left()
         oracle.command(axis, output)
         original(drive, output)
         sim = drive.sim
