@@ -152,6 +152,11 @@ def test_a_reply_is_waited_for_and_its_epoch_is_that_of_the_next_command(desk: D
     assert desk.warned == ["CTL-20 · a text"]
     assert [message.get("epoch") for message in desk.socket.sent[1:]] == [7, 8]
     assert (link.frame, link.tags["epoch"]) == ("f2", 9)
+    # A reply to a command that nobody waited for, a sign of life for example, is not that to this one.
+    link._replies[link.say("alive")] = reply()
+    desk.socket.answers = {"halt": [reply("PWR-04", ok=False)]}
+    with pytest.raises(CommandRefused, match="PWR-04"):
+        link.ask("halt")
 
 
 def test_a_refusal_is_told_and_no_answer_too(desk: Desk, tmp_path: Path) -> None:
@@ -193,6 +198,7 @@ def test_a_key_is_let_go_when_its_time_is_over_or_something_fails(desk: Desk, tm
     assert kinds[0] == "jog"
     assert kinds[-1] == "release"
     assert 2 < kinds.count("renew") < 20
+    (first,) = {each["lease"] for each in desk.socket.sent[1:] if "lease" in each}
     desk.socket.sent.clear()
     desk.socket.lines = []
 
@@ -202,3 +208,5 @@ def test_a_key_is_let_go_when_its_time_is_over_or_something_fails(desk: Desk, tm
     with pytest.raises(KeyboardInterrupt):
         link.hold(True, 1.0, interrupted)
     assert [each["type"] for each in desk.socket.sent] == ["jog", "release"]
+    # A lease that was used is never valid again.
+    assert first not in {each["lease"] for each in desk.socket.sent}

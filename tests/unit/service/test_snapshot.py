@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gantryctl.service.command.frame_clock import FrameClock
-from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast
+from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast, publish_json
 from gantryctl.service.protocol.frames import mark_of
 from support.slow_network import shared_memory
 
@@ -51,3 +51,22 @@ def test_a_frame_is_as_old_as_it_is_whenever_the_controller_was_started() -> Non
     clock.tick(1001.25)
     assert clock.issued_ms == 1250
     assert clock.issued_s(mark_of(1250, clock.key, "anna"), "anna") == 1001.25
+
+
+def test_what_is_sent_on_change_has_changed_when_tags_or_alarms_have_whichever_comes_alone() -> None:
+    with shared_memory() as memory:
+        reader = Snapshot(memory)
+        assert reader.slow() == {"alarms": [], "alarm_history": []}
+        for lock, told, version in (
+            (memory.slow, {"machine": "a"}, 1),
+            (memory.alarms, {"alarms": [1], "alarm_history": [1]}, 2),
+            (None, {}, 2),
+            (memory.slow, {"machine": "b"}, 3),
+            (memory.alarms, {"alarms": [], "alarm_history": [1]}, 4),
+        ):
+            if lock is not None:
+                publish_json(lock, told)
+            found = reader.slow()
+            assert found | told == found
+            assert reader.version == version
+        assert found == {"machine": "b", "alarms": [], "alarm_history": [1]}

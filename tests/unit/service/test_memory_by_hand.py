@@ -1,0 +1,135 @@
+"""Shared memory by hand: who writes where, what a journal keeps, what is told of events, and where the axis was."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime, tzinfo
+from types import SimpleNamespace
+from typing import Self
+
+import pytest
+
+from gantryctl.program.alarms.words import Words
+from gantryctl.service.memory import events as events_module
+from gantryctl.service.memory import memory as module
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.last_seen import LastSeen
+from gantryctl.service.memory.memory import JournalHealth, JournalState, SharedMemory, Word
+from support.service_bench import ring
+
+
+def test_every_area_is_one_of_its_own_for_all_processes() -> None:
+    """What one process writes into each of them another one reads there, and nowhere else."""
+    writer = SharedMemory.create()
+    reader = SharedMemory(writer.handle)
+    locks = ("fast", "slow", "alarms", "columns", "commissioning")
+    for name in locks:
+        getattr(writer, name).publish(name.encode())
+    rings = {
+        **{f"commands {n}": (writer.commands[n], reader.commands[n]) for n in range(2)},
+        **{f"replies {n}": (writer.replies[n], reader.replies[n]) for n in range(2)},
+        **{f"events {n}": (writer.events[n], reader.events[n]) for n in range(4)},
+        "rows": (writer.rows, reader.rows),
+        "frames": (writer.frames, reader.frames),
+    }
+    for name, (one, _) in rings.items():
+        assert one.put(name.encode())
+    for word in Word:
+        writer.words[word] = 1000 + word
+    assert [getattr(reader, name).read() for name in locks] == [name.encode() for name in locks]
+    assert [other.peek(9) for _, other in rings.values()] == [[name.encode()] for name in rings]
+    assert [reader.words[word] for word in Word] == [1000 + word for word in Word]
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "state", "keeps"),
+    [
+        (9.9, JournalState.OK, True), (10.1, JournalState.OK, False), (0.0, JournalState.SLOW, True),
+        (0.0, JournalState.FULL, False), (0.0, JournalState.FAILED, False), (0.0, JournalState.LOCKED, False),
+    ],
+)  # fmt: skip
+def test_events_are_kept_by_a_recorder_that_lives_with_a_journal_that_takes_them(
+    monkeypatch: pytest.MonkeyPatch, silent_s: float, state: JournalState, keeps: bool
+) -> None:
+    memory = SharedMemory.create()
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: 100_000_000_000))
+    memory.words[Word.RECORDER_NS] = round((100.0 - silent_s) * 1e9)
+    memory.words[Word.JOURNAL_STATE] = state
+    health = JournalHealth(memory.words)
+    assert health.keeps is keeps
+    assert health.locked is (state is JournalState.LOCKED)
+    memory.close()
+
+
+def test_each_gap_is_told_once_with_its_own_number() -> None:
+    made = ring(4)
+    log = EventLog(made)
+    missing = []
+    for lost in (3, 1):
+        made.clear()
+        for number in range(4 + lost):
+            log.put("command", f"event {number}")
+        made.clear()
+        log.put("command", "behind it")
+        missing.append(json.loads(made.take() or b"")["text"].split()[0])
+        assert [json.loads(record or b"")["text"] for record in made.peek(9)] == ["behind it"]
+    assert missing == ["3", "1"]
+
+
+def test_an_event_that_is_too_long_keeps_half_of_its_text_and_no_values(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """1,016 bytes find their place. It is one o'clock where the computer stands, and noon in UTC."""
+
+    class Here(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Self:
+            return cls(2026, 1, 2, 13 if tz is None else 12, tzinfo=tz)
+
+    monkeypatch.setattr(events_module, "datetime", Here)
+    memory = SharedMemory.create()
+    log = EventLog(memory.events[0])
+    for length, kept, values in ((400, 400, {"n": 1}), (600, 250, {})):
+        text = "x" * length
+        # Characters of four bytes: 500 bytes of text and as many of values do not fit.
+        assert log.put("note", text, **({"n": 1} if values else {"n": "y" * 600}))
+        found = json.loads(memory.events[0].take() or b"")
+        assert (len(found["text"]), found["values"]) == (kept, values)
+        assert found["utc"] == "2026-01-02T12:00:00.000+00:00"
+    memory.close()
+
+
+@pytest.mark.parametrize(
+    ("seen", "known"),
+    [((1.5, 0.25), True), ((None, 0.25), False), ((1.5, None), False), ((None, None), False)],
+)
+def test_where_the_axis_was_is_told_with_both_numbers_or_not_at_all(
+    seen: tuple[float | None, float | None], known: bool
+) -> None:
+    line = LastSeen(*seen).told(Words.AT_TIME(utc="2026-01-02")).line
+    assert ("it was at an angle that is not known" in line) is not known
+    assert ("1.5" in line) is known
+
+
+def test_a_torn_record_is_passed_over_and_counted() -> None:
+    """The second of three was changed behind its check sum."""
+    made = ring(4)
+    for text in (b"one", b"two", b"six"):
+        assert made.put(text)
+    made._memory[192 + made._slot + 8] ^= 1
+    assert made.peek(9) == [b"one", None, b"six"]
+    assert [made.take(), made.take(), made.take()] == [b"one", b"six", None]
+    assert made.damaged == 1
+
+
+def test_a_writer_behind_one_that_was_killed_while_it_wrote_is_read() -> None:
+    memory = SharedMemory.create()
+    lock = memory.fast
+    lock.publish(b"one")
+    assert (lock.version, lock.read()) == (1, b"one")
+    lock._words[0] |= 1
+    assert lock.read() is None
+    lock.publish(b"two")
+    assert (lock.version, lock.read()) == (2, b"two")
+    memory.close()
