@@ -230,9 +230,10 @@ def test_stops_of_one_scan_are_one_event_for_each_user_and_a_reply_for_each_page
     assert [each["seq"] for each in link.answers(1)] == [9]
 
 
-def test_a_reply_that_fits_no_slot_goes_without_its_values() -> None:
+@pytest.mark.parametrize("length", [300, 1000])
+def test_a_reply_that_fits_no_slot_goes_without_its_values(length: int) -> None:
     link = Link(reply_slot=512)
-    link.inbox.answer(pending("a"), MessageRefused(Code.SEC_05, reason="x" * 1000), 7)
+    link.inbox.answer(pending("a"), MessageRefused(Code.SEC_05, reason="x" * length), 7)
     (reply,) = link.answers()
     assert (reply["code"], reply["values"]) == ("SEC-05", {})
 

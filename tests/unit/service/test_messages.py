@@ -149,3 +149,5 @@ def test_words_of_messages_are_those_of_the_tables() -> None:
 def test_the_schema_names_every_message() -> None:
     schema = MESSAGES.json_schema()
     assert set(schema["discriminator"]["mapping"]) == set(FIELDS)
+    # What a client reads of a move without a direction is what `Direction.SHORTEST` does with it.
+    assert schema["$defs"]["Move"]["properties"]["direction"]["default"] == "shortest"
