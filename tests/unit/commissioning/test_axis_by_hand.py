@@ -267,6 +267,20 @@ def test_a_silence_ends_before_torque_off_is_commanded() -> None:
     assert not any(silent)
 
 
+def test_a_break_off_keeps_its_time_from_the_set_up_of_a_lost_drive_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A set-up takes longer than some scans: those that it has missed are not made up for, the drive needs the time."""
+    drive, axis = enabled()
+    order: list[str] = []
+    drive.lost = True
+    monkeypatch.setattr(drive, "resume", lambda: order.append("resumed"))
+    monkeypatch.setattr(axis, "begin_time", lambda: order.append("time"))
+    monkeypatch.setattr(axis, "wait", lambda: order.append("waited"))
+    axis.break_off()
+    assert order == ["resumed", "time", *["waited"] * 25]
+
+
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_gantry_that_turns_on_is_not_said_to_be_off(direction: int) -> None:
     drive, axis = enabled()

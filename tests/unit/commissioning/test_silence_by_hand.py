@@ -252,12 +252,17 @@ def test_a_state_by_sdo_has_two_bytes(data: bytes | None, state: DriveState | No
 def test_where_no_sync_goes_out_the_link_listens_for_a_scan_itself(looks: bool) -> None:
     drive, axis = enabled()
     drive.silent_process_data, drive.process.age = True, 1
-    drive.requests = SimpleNamespace(read=lambda *_: None)  # type: ignore[attr-defined]
+    asked: list[tuple[int, int]] = []
+    drive.requests = SimpleNamespace(read=lambda index, sub, _: asked.append((index, sub)))  # type: ignore[attr-defined]
     drive.look = drive.read  # type: ignore[attr-defined]
     view, before = silence._View(axis), axis._watch.meter.done
     view.looks = looks
     view.scan()
     assert axis._watch.meter.done - before == pytest.approx(PERIOD_S if looks else 0.0)
+    # State and position in turn, of a drive that has no telegrams: without the position there is no way to judge.
+    for _ in range(3):
+        view.scan()
+    assert asked == [(0x6041, 0), (0x6064, 0)] * 2
 
 
 # --- death of a controller --------------------------------------------------------------------------------------------

@@ -327,6 +327,29 @@ def test_a_push_that_gives_less_or_goes_against_an_unproven_brake_is_refused(ste
     assert not drive.wrote
 
 
+@pytest.mark.parametrize(
+    ("push", "outcome"),
+    [(0.84, Outcome.FAILED), (0.86, Outcome.PASSED), (1.14, Outcome.PASSED), (1.16, Outcome.FAILED)],
+)
+def test_a_push_is_given_within_15_percent(step: Any, push: float, outcome: Outcome) -> None:
+    """A scale of 6077 further off would make every torque of the controller another one."""
+    assert step(steps_lacks, "torque", limit_drive(push=push), brake=braked()).outcome is outcome
+
+
+@pytest.mark.parametrize(("given_nm", "held"), [(442.0, True), (443.5, False)])
+def test_a_limit_of_the_makers_tool_may_be_passed_by_15_percent(
+    step: Any, given_nm: float, held: bool
+) -> None:
+    """385 N m are entered, 466 asked for: at 442.75 the torque goes off."""
+    drive = limit_drive()
+    drive.spoil = lambda seen: seen._replace(torque_act_nm=max(-given_nm, min(seen.torque_act_nm, given_nm)))
+    if held:
+        assert step(steps_lacks, "torque", drive, brake=braked(800.0, -800.0)).outcome is Outcome.PASSED
+    else:
+        with pytest.raises(AlarmStop, match=r"442\.7 N m are the limit of the drive"):
+            step(steps_lacks, "torque", drive, brake=braked(800.0, -800.0))
+
+
 def test_a_load_that_takes_more_than_the_brake_has_held_leaves_nothing_to_push_with(step: Any) -> None:
     """0.6 x 20 N m are less than the 13.98 N m of the load."""
     drive = limit_drive()

@@ -199,6 +199,8 @@ BREAKS = {
     "brake_has_one_output": CAN | {"brake.owner": "controller_output"},
     "io_outputs_have_a_node": CAN | {"can.io.outputs.horn": 1},
     "outputs_leave_the_brake_bit": CAN | {"can.outputs.horn": 0},
+    "estop_channels_differ": CAN | {"can.inputs.estop_ok": 20, "can.inputs.estop_ok_2": 20},
+    "outputs_share_no_bit": CAN | {"can.outputs.horn": 5, "can.outputs.lamp": 5},
     "watchdog_is_one": CAN | {"can.io.node": 9, "can.io.outputs.drive_enable": 1, "can.outputs.watchdog": 20},
     "watchdog_outlasts_scans": CAN | {"can.watchdog_ms": 15.0},
     "sync_period_fits_60c2": CAN | {"control.scan_period_ms": 2.5},

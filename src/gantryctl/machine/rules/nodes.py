@@ -67,6 +67,38 @@ def outputs_leave_the_brake_bit(m: Machine) -> Broken:
     return 'must leave bit 0 alone, which [brake] owner = "object_60FE" works' if used else None
 
 
+@bus_rule(
+    *(f"can.outputs.{name}" for name in _OUTPUTS), *(f"can.io.outputs.{name}" for name in _NODE_OUTPUTS)
+)
+def outputs_share_no_bit(m: Machine) -> Broken:
+    """Each output of the drive, and of the I/O node, has a bit of its own: a lamp on that of the brake would open it."""
+    of_drive = [getattr(m.can.outputs, name) for name in _OUTPUTS]
+    of_node = [getattr(m.can.io.outputs, name) for name in _NODE_OUTPUTS]
+    for bits in of_drive, of_node:
+        wired = [bit for bit in bits if bit >= 0]
+        if len(set(wired)) < len(wired):
+            return "must have a bit that no other output has"
+    return None
+
+
+@bus_rule(
+    "can.inputs.estop_ok",
+    "can.inputs.estop_ok_2",
+    "can.io.inputs.estop_ok",
+    "can.io.inputs.estop_ok_2",
+    "can.io.node",
+)
+def estop_channels_differ(m: Machine) -> Broken:
+    """The two channels of the emergency-stop chain are two inputs: one that is read twice never differs from itself."""
+    at_drive = m.can.inputs.estop_ok, m.can.inputs.estop_ok_2
+    at_node = (m.can.io.inputs.estop_ok, m.can.io.inputs.estop_ok_2) if m.can.io.node else (-1, -1)
+    # An input at the node is read there, whatever 60FD says.
+    first, second = (
+        (node >= 0, node if node >= 0 else bit) for node, bit in zip(at_node, at_drive, strict=True)
+    )
+    return "must be another input than estop_ok_2" if first == second != (False, -1) else None
+
+
 @bus_rule("can.io.outputs.drive_enable", "can.io.outputs.watchdog", "can.outputs.watchdog")
 def watchdog_is_one(m: Machine) -> Broken:
     """What stops the axis of a dead controller is one: a relay that wants edges, or an output that a node takes off."""
