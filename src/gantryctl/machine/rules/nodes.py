@@ -71,7 +71,7 @@ def outputs_leave_the_brake_bit(m: Machine) -> Broken:
     *(f"can.outputs.{name}" for name in _OUTPUTS), *(f"can.io.outputs.{name}" for name in _NODE_OUTPUTS)
 )
 def outputs_share_no_bit(m: Machine) -> Broken:
-    """Each output of the drive, and of the I/O node, has a bit of its own: a lamp on that of the brake would open it."""
+    """Each output of the drive, and of the I/O node, has its own bit: a lamp on that of the brake would open it."""
     of_drive = [getattr(m.can.outputs, name) for name in _OUTPUTS]
     of_node = [getattr(m.can.io.outputs, name) for name in _NODE_OUTPUTS]
     for bits in of_drive, of_node:
