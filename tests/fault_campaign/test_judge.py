@@ -181,3 +181,31 @@ def test_a_loop_through_the_ring_answers_no_more_than_that_has_corrected(
 
     monkeypatch.setattr(LoadSide, "scan", creeping)
     assert any("nobody asks for it" in each for each in run_cell(at)["violations"])
+
+
+def _runs_away_by_a_frozen_encoder(patch: pytest.MonkeyPatch) -> None:
+    _blind_to_a_frozen_encoder(patch)
+    _only_warn(patch, Code.CTL_03, Code.CTL_05, Code.CTL_07, Code.DRV_07, Code.DRV_13)
+
+
+def _goes_on_behind_its_alarm(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(PowerSequence, "react", lambda self, reaction: None)
+
+
+@pytest.mark.parametrize(
+    ("fault", "plant", "invariant"),
+    [("A2", _runs_away_by_a_frozen_encoder, "INV-3"), ("G7", _goes_on_behind_its_alarm, "INV-1")],
+)
+def test_a_load_that_motor_and_brake_hold_excuses_nothing(
+    fault: str, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Row B7 at 71 deg in motion, 3 deg/s: nowhere more than 182 N m of the 400 of the brake; then another fault."""
+    deeds = (
+        Action(at_s=0.2, do="power"),
+        Action(at_s=2.4, do="move", target_deg=20.0, speed_deg_s=3.0),
+    )
+    faults = (PlannedFault(number="B7", at_s=5.0), PlannedFault(number=fault, at_s=6.2))
+    scene = Scenario(angle_deg=80.0, ramp_deg_s2=2.0, actions=deeds, faults=faults, duration_s=8.0)
+    assert play(scene).ok
+    plant(monkeypatch)
+    assert invariant in {each.invariant for each in play(scene).violations}

@@ -65,7 +65,7 @@ class Asked:
         *,
         moves: bool,
         refused: Refusal | None,
-        ramps: RampSettings,
+        in_force: RampSettings,
     ) -> str:
         """Take new levels; what is told of a key that is refused and is not so, or "".
 
@@ -75,7 +75,7 @@ class Asked:
             refused: what people are told in this scan to be refused; None for nothing. A move that has just begun is
                 as slow as regulation, and a key is refused then (seed 50442). Neither a key nor a move that is refused
                 gives a motion a reason: the one before goes on, on its own way.
-            ramps: in force, of a move that begins now.
+            in_force: ramps of a move that begins now.
         """
         last, self.levels = self.levels, op
         ramps = self._ramps
@@ -96,12 +96,15 @@ class Asked:
         untrue = ""
         if op.move and not last.move and op.power:
             if refused is None or not _of_a_move(op, last):
-                self._move(op, now, vel, angle, ramps)
+                self._move(op, now, vel, angle, in_force)
         elif pressed:
-            if refused is not None:
-                untrue = self._untrue(refused, op, now, moves)
-            rests = refused is None and not self._turns_round(op, angle, moves)
-            self._press(op, now, vel, angle, rests=rests)
+            if refused is None:
+                self._press(op, now, vel, angle, rests=not self._turns_round(op, angle, moves))
+            else:
+                untrue, way = self._untrue(refused, op, now, moves), self.way
+                self._press(op, now, vel, angle, rests=False)
+                # The ramp of the key before it has a way of its own.
+                self.way = way
         elif renewed and self._key_counts and self._by_jog and (op.forward or op.reverse):
             # As long as this lease lives, and then the ramp: from the speed that the axis may have reached until then.
             fastest = abs(vel) / self._ratio + 1e-3 * _LEASE_MS * ramps.acc_rad_s2

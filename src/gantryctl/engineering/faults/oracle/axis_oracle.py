@@ -240,7 +240,7 @@ class AxisOracle:
             if operator is not asked.levels:
                 untrue = asked.take(
                     operator, self.ms, self._wire.vel, self.angle + self.offset, moves=self.ms <= self._reason_ms,
-                    refused=axis.refusal if self._refusals != refusals else None, ramps=axis.virtual.ramps,
+                    refused=axis.refusal if self._refusals != refusals else None, in_force=axis.virtual.ramps,
                 )  # fmt: skip
                 if untrue and self._shipped:
                     self.say("INV-7", untrue)
@@ -409,7 +409,9 @@ class AxisOracle:
             limit += self.bounds.fault_overspeed_deg_s * self._deg
             if known.held is not None:
                 limit += self.bounds.driven_acc_deg_s2 * known.held.held_s * self._deg
-        limit += self.bounds.unheld_acc_deg_s2 * self._deg * 1e-3 * min(load.driven_ms, load.unheld_max_ms)
+        acc_deg_s2 = self.bounds.unheld_acc_deg_s2
+        acc_deg_s2 += known.largest_load(self.angle, self.angle) * limits.BRAKE_ACC_DEG_S2
+        limit += acc_deg_s2 * self._deg * 1e-3 * min(load.driven_ms, load.unheld_max_ms)
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
         low, high = self._low, self._high
@@ -478,8 +480,11 @@ class AxisOracle:
             self._too_far(stop, way)
         # What moves after a rest that was held moves without a reason (INV-2).
         if not slow and not stop.ended and now - stop.told.ms > 1e3 * self.bounds.rest_s[stop.kind]:
-            late = (now - stop.told.ms) * 1e-3
-            self.say("INV-1", f"{stop.alarm.code}: still {speed / self._deg:.3f} deg/s after {late:.2f} s")
+            late_s, left = (now - stop.told.ms) * 1e-3, self._load_left(stop.onset)
+            if late_s * left > self.bounds.rest_s[stop.kind]:
+                self.say(
+                    "INV-1", f"{stop.alarm.code}: still {speed / self._deg:.3f} deg/s after {late_s:.2f} s"
+                )
         if stop.slow_ms >= _AT_REST_MS and (not self.brake_open or self.energised):
             stop.ended = True
             self._reason_ms = max(self._reason_ms, now if self._anchor is None else -1)
@@ -491,13 +496,13 @@ class AxisOracle:
 
     def _too_far(self, stop: Stop, way: float) -> None:
         """The way is beyond what was known of the stop: by the plant that is there, and a brake that is late."""
-        from_deg_s = stop.onset.speed / self._deg
-        allowed = self._allowed_deg(stop.kind, from_deg_s, way)
+        from_deg_s, left = stop.onset.speed / self._deg, self._load_left(stop.onset)
+        allowed = self._allowed_deg(stop.kind, from_deg_s, way, left)
         if way > allowed and stop.kind is StopClass.QUICK and stop.off is not None and self.told_torque_off():
             # Another cause took the torque off within the ramp: the way until then, and a stop by the brake from there.
             angle, speed = stop.off
             before = abs(angle - stop.onset.angle) / self._deg
-            after = self._allowed_deg(StopClass.TORQUE_OFF, speed / self._deg, way - before)
+            after = self._allowed_deg(StopClass.TORQUE_OFF, speed / self._deg, way - before, left)
             allowed = max(allowed, before + after)
         if way > allowed and stop.kind is StopClass.FEEDBACK:
             allowed = max(allowed, self.held_way_deg(stop.onset))
@@ -509,12 +514,26 @@ class AxisOracle:
                 f"{way:.3f} deg, at most {allowed:.3f}",
             )
 
-    def _allowed_deg(self, kind: StopClass, from_deg_s: float, way: float) -> float:
-        """Permitted way of a class: by the machine file, and where that is passed by the plant that is there."""
+    def _load_left(self, since: Instant) -> float:
+        """What a load that has been moved leaves of the torque of the brake, in parts of it, on the way since then."""
+        known = self.known
+        return 1.0 if known.load_share is None else 1.0 - known.largest_load(since.angle, self.angle)
+
+    def _allowed_deg(self, kind: StopClass, from_deg_s: float, way: float, left: float) -> float:
+        """Permitted way of a class: by the machine file, and where that is passed by the plant that is there.
+
+        Args:
+            left: of the torque of the brake, by a load that has been moved.
+        """
         known, bounds, late_s, share = self.known, self.bounds, self.known.late_s, 1.0
+        if kind is StopClass.QUICK and left < limits.RAMP_LEFT:
+            # The drive leaves its ramp, which is told, and the brake takes over.
+            return limits.RAMP_LEAVES_S * abs(from_deg_s) + self._allowed_deg(
+                StopClass.TORQUE_OFF, from_deg_s, way, left
+            )
         if kind is not StopClass.QUICK:
             # The brake stops the axis: one that is late adds its delay times the speed, a weak one divides.
-            late_s, share = late_s + known.brake_late_s, known.brake_share
+            late_s, share = late_s + known.brake_late_s, max(0.0, known.brake_share + left - 1.0)
         late_deg = abs(from_deg_s) * late_s
         allowed = bounds.way_deg(kind, from_deg_s) + late_deg
         if way * share > allowed and bounds.plant_way_deg is not None:

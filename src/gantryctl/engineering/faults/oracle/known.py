@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 from gantryctl.engineering.faults.oracle.held import HeldUp
@@ -25,6 +26,7 @@ class KnownFaults:
         contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
             may be told later than it is so.
         held: the controller stands still, or has stood.
+        load_share: of a load that has been moved, at a motor angle: what it asks for, in parts of what the brake has.
     """
 
     def __init__(self) -> None:
@@ -33,6 +35,7 @@ class KnownFaults:
         self.late_s = self.brake_late_s = self.reading_late_s = 0.0
         self.brake_share = 1.0
         self.held: HeldUp | None = None
+        self.load_share: Callable[[float], float] | None = None
         self._onset_of_feedback = self._disobeys = False
 
     def inject(
@@ -73,6 +76,13 @@ class KnownFaults:
     def held_way_deg(self, true: TrueAxis, since: Instant) -> float:
         """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
         return self.held.way_deg(true, since) if self.held is not None and self.of_feedback(true.ms) else 0.0
+
+    def largest_load(self, begin: float, end: float) -> float:
+        """Most that a load which has been moved asks for between two motor angles, in parts of what the brake has."""
+        load = self.load_share
+        if load is None:
+            return 0.0
+        return max(load(begin + part * (end - begin)) for part in (0.0, 0.25, 0.5, 0.75, 1.0))
 
     @property
     def stands_still(self) -> bool:

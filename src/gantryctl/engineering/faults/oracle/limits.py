@@ -53,6 +53,13 @@ SILENT_MS: Final = 20
 """No command for so long is a controller that commands no more: the longest scan takes 10 ms."""
 BRAKE_BEGINS_S: Final = 0.15
 """A brake that closes by itself has its torque this long after it began to close (fault catalogue C5)."""
+RAMP_LEFT: Final = 0.55
+"""Part of the torque of the brake that a moved load must leave for a quick stop to keep its ramp: 208 of 385 N m turn
+the reference gantry 5.5 deg/s2 slower (2.48e6 kg m2), and the brake has 380 to 400."""
+BRAKE_ACC_DEG_S2: Final = 10.6
+"""What a load as large as the torque of the brake, 400 N m, adds to the speed of the reference gantry."""
+RAMP_LEAVES_S: Final = 0.15
+"""A ramp that is left is told after the 0.09 s in which the speed is 0.5 deg/s above it, and 0.05 s."""
 
 TOLD_WRONG_S: Final = 0.1
 """So long may an angle be wrong before it is called not valid: an alarm is told within 100 ms."""
