@@ -77,3 +77,12 @@ def test_the_last_thirty_days_are_announced_once_a_day(tmp_path: Path) -> None:
         [f"SEC-11 {file}: expires in 28 days, on 2030-07-11"],
         [f"SEC-11 {file}: expired on 2030-07-11"],
     ]
+
+
+def test_each_certificate_has_a_warning_of_its_own(tmp_path: Path) -> None:
+    files = [certificate(tmp_path / f"{n}.pem", NOW, NOW + timedelta(days=n)) for n in (3, 40, 5)]
+    watch = CertificateWatch()
+    assert [line.split(" in ")[1].split(",")[0] for line in watch.due(files, NOW)] == ["3 days", "5 days"]
+    assert watch.due(files, NOW + timedelta(hours=1)) == []
+    # The third one expires in 30 days: that is the first day of its warning.
+    assert len(watch.due(files, NOW + timedelta(days=10))) == 3

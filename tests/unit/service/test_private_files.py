@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.service.supervisor.private_files import exposed
+from gantryctl.service.recorder.journal.places import places_of
+from gantryctl.service.supervisor.private_files import exposed, private_files
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 STRANGER = 54321
@@ -65,3 +66,11 @@ def test_of_a_link_the_file_behind_it_counts(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_exposes_nothing_and_a_folder_is_no_key(tmp_path: Path) -> None:
     assert exposed(tmp_path / "key.pem") == ""
     assert "cannot be read" in exposed(tmp_path)
+
+
+@pytest.mark.usefixtures("keys")
+def test_every_secret_of_a_service_is_looked_at(tmp_path: Path) -> None:
+    root, directory = tmp_path / "root", tmp_path / "root" / "gantry"
+    always = [root / "users.json", directory / "opcua" / "key.pem", places_of(directory).key]
+    assert private_files(root, directory, None) == always
+    assert private_files(root, directory, tmp_path / "tls.pem") == [*always, tmp_path / "tls.pem"]

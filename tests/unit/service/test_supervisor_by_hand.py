@@ -462,3 +462,38 @@ def test_a_process_is_started_apart_from_terminal_and_folder_with_its_handles(
     monkeypatch.setattr(child_module.asyncio, "create_subprocess_exec", start)
     assert asyncio.run(Child("gateway", ["a", "b"], [3, 4])._run(["a", "b"])) == "ended with code 3"
     assert started == [(("a", "b"), {"pass_fds": (3, 4), "cwd": "/", "start_new_session": True})]
+
+
+def test_a_process_that_is_being_made_when_all_ends_is_ended_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system takes its time to start it: nobody would end it afterwards, and a controller would take the axis."""
+    did: list[str] = []
+
+    async def whole() -> None:
+        made, over = asyncio.Event(), asyncio.Event()
+
+        async def start(*_: object, **__: object) -> Any:
+            did.append("making")
+            await made.wait()
+            return SimpleNamespace(returncode=None, terminate=asked, kill=asked, wait=wait)
+
+        def asked() -> None:
+            did.append("asked")
+            over.set()
+
+        async def wait() -> int:
+            await over.wait()
+            return 0
+
+        monkeypatch.setattr(child_module.asyncio, "create_subprocess_exec", start)
+        child = Child("controller", ["a"], [])
+        keeper = asyncio.create_task(child.keep(did.append))
+        await asyncio.sleep(0)
+        ending = asyncio.create_task(child.end(1.0))
+        await asyncio.sleep(0)
+        made.set()
+        await asyncio.wait_for(ending, 1.0)
+        did.append("ended")
+        await asyncio.wait_for(keeper, 1.0)
+
+    asyncio.run(whole())
+    assert did == ["making", "asked", "ended"]

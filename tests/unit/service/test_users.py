@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import stat
 from pathlib import Path
@@ -10,7 +11,8 @@ import pytest
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.supervisor.users import FILE, PASSWORD_MAX, Users
+from gantryctl.service.supervisor import users as module
+from gantryctl.service.supervisor.users import FILE, PASSWORD_MAX, User, Users, UserWatch
 
 PASSWORD = "correct horse battery"
 
@@ -111,3 +113,69 @@ def test_a_role_that_does_not_exist_is_damage(tmp_path: Path) -> None:
     users.path.write_text(json.dumps(found), encoding="utf-8")
     with pytest.raises(StateError):
         users.check("anna", PASSWORD)
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> list[User]:
+    """Keys that cost no time; for which users one was made."""
+    asked: list[User] = []
+
+    def key(password: str, user: User) -> bytes:
+        asked.append(user)
+        return hashlib.sha256(f"{user.salt} {password}".encode()).digest()
+
+    monkeypatch.setattr(module, "_key", key)
+    return asked
+
+
+def test_a_password_of_twelve_characters_is_one_and_the_name_is_none(
+    tmp_path: Path, quick: list[User]
+) -> None:
+    users = Users(tmp_path)
+    users.add("annabella.maria", Role.VIEWER, "x" * 12)
+    for name in ("annabella.maria", "AnnaBella.Maria "):
+        with pytest.raises(UsageError, match="must not be the name"):
+            users.set_password("annabella.maria", name)
+    assert users.check("annabella.maria", "x" * 12) is not None
+
+
+def test_an_unknown_name_costs_as_much_as_a_known_one(tmp_path: Path, quick: list[User]) -> None:
+    users = Users(tmp_path)
+    users.add("anna", Role.VIEWER, PASSWORD)
+    quick.clear()
+    users.check("anna", PASSWORD)
+    users.check("carl", PASSWORD)
+    assert len(quick) == 2
+    assert len({(user.n, user.r, user.p, len(user.salt)) for user in quick}) == 1
+
+
+def test_a_new_password_leaves_role_and_person_and_removes_nobody(tmp_path: Path, quick: list[User]) -> None:
+    users = Users(tmp_path)
+    users.add("anna.s", Role.PHYSICIST, PASSWORD, "anna")
+    users.add("ben", Role.OPERATOR, PASSWORD)
+    users.set_password("anna.s", PASSWORD + "!")
+    found = [(user.name, user.role, user.person) for user in users.all().values()]
+    assert found == [("anna.s", Role.PHYSICIST, "anna"), ("ben", Role.OPERATOR, "ben")]
+    assert len({user.salt for user in users.all().values()}) == 2
+
+
+def test_at_the_start_all_users_are_listed_eight_in_a_line(tmp_path: Path, quick: list[User]) -> None:
+    users = Users(tmp_path)
+    for n in range(17):
+        users.add(f"u{n:02d}", Role.VIEWER, PASSWORD)
+    lines = UserWatch(users).changes()
+    assert [line.count("(viewer)") for line in lines] == [8, 8, 1]
+    assert lines[2] == "users at the start: u16 (viewer)"
+
+
+def test_a_change_that_keeps_the_size_of_the_file_is_seen(tmp_path: Path, quick: list[User]) -> None:
+    users = Users(tmp_path)
+    users.add("anna", Role.VIEWER, PASSWORD)
+    watch = UserWatch(users)
+    watch.changes()
+    size = users.path.stat().st_size
+    users.set_password("anna", PASSWORD + "!")
+    assert users.path.stat().st_size == size
+    assert watch.changes() == ["user anna has a new password"]
+    users._store(users.all())
+    assert watch.changes() == ["the file of users was written again, nothing has changed"]

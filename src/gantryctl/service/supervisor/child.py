@@ -58,6 +58,8 @@ class Child:
         self.starts = 0
         self._began_ns = 0
         self._ending = asyncio.Event()
+        # Held while the system makes a process: `end` waits until there is one that it can end.
+        self._making = asyncio.Lock()
 
     async def keep(self, said: Callable[[str], None]) -> None:
         """Run it until it is to end, or until a critical one has failed too often."""
@@ -88,14 +90,15 @@ class Child:
     async def _run(self, command: Sequence[str]) -> str:
         """Start it and wait; return how it ended."""
         try:
-            self.process = await asyncio.create_subprocess_exec(
-                *command,
-                pass_fds=self._handles,
-                # No folder of a user: it could not be unmounted, and no relative path leads there.
-                cwd="/",
-                # A session of its own: Ctrl-C reaches the supervisor only, which ends the axis first.
-                start_new_session=True,
-            )
+            async with self._making:
+                self.process = await asyncio.create_subprocess_exec(
+                    *command,
+                    pass_fds=self._handles,
+                    # No folder of a user: it could not be unmounted, and no relative path leads there.
+                    cwd="/",
+                    # A session of its own: Ctrl-C reaches the supervisor only, which ends the axis first.
+                    start_new_session=True,
+                )
         # Memory, handles or processes may be short now and not later (tests/system/test_service_starved.py).
         except OSError as fault:
             return f"could not be started: {fault.strerror or fault}"
@@ -122,6 +125,8 @@ class Child:
     async def end(self, patience_s: float) -> None:
         """Ask it to end, and kill it if it does not."""
         self.leave()
+        async with self._making:
+            pass
         if self.process is None or self.process.returncode is not None:
             return
         with contextlib.suppress(ProcessLookupError):
