@@ -320,6 +320,23 @@ def test_strangers_and_logins_wait_and_who_is_logged_in_does_not(access: Access)
     assert door._wait_s(scope(path=f"{API}/status")) == 0.0
 
 
+def test_who_asks_too_often_is_refused_with_the_time_to_wait(access: Access) -> None:
+    door = guard(access)
+    answers = [door._refuse(scope(path=f"{API}/status", headers=[(b"host", HERE)])) for _ in range(500)]
+    refused = [answer for answer in answers if answer is not None]
+    assert answers[0] is None
+    assert {(answer.status_code, answer.headers["retry-after"]) for answer in refused} == {(429, "1")}
+
+
+@pytest.mark.parametrize(("address", "waits"), [("127.0.0.1", False), ("::1", False), ("192.0.2.7", True)])
+def test_files_of_the_page_wait_for_nobody_on_this_machine_alone(
+    access: Access, address: str, waits: bool
+) -> None:
+    """A flood from there keeps no new page away; one from elsewhere costs this machine as little as any other."""
+    door, asked = guard(access), scope(path="/index.html") | {"client": (address, 1)}
+    assert any(door._wait_s(asked) > 0.0 for _ in range(10_000)) is waits
+
+
 def test_sessions_have_a_rate_each(access: Access) -> None:
     door, token = guard(access), ["1" * 32]
     door._session = lambda connection: SimpleNamespace(token=token[0])  # type: ignore[assignment, return-value]

@@ -605,3 +605,70 @@ def test_filters_are_judged_before_anything_else_is_read(monkeypatch: pytest.Mon
     with pytest.raises(ServiceError):
         getattr(services_module, name)(None, body)
     assert judged == [("a copy", name == "_monitor")]
+
+
+# --- the end of a channel ---------------------------------------------------------------------------------------
+
+
+class Held:
+    """A session of a channel: of a user, and whether it was activated; what ended is in `did`."""
+
+    def __init__(self, did: list[str], user: Reader | None, activated: bool = True) -> None:
+        async def closes(what: str) -> None:
+            did.append(what)
+
+        self.close = lambda: closes("answers")
+        self.session: Any = None
+        if user is not None:
+            self.session = SimpleNamespace(
+                user=user,
+                is_activated=lambda: activated,
+                close_session=lambda with_subscriptions: closes(f"session, {with_subscriptions}"),
+            )
+
+
+def channel_of(certificate: bytes, *sessions: Held, judge: Any = None) -> Any:
+    channel: Any = object.__new__(channel_module.Channel)
+    channel.certificate, channel._sessions = certificate, list(sessions)
+    channel._wall = SimpleNamespace(trust=SimpleNamespace(judge=judge))
+    return channel
+
+
+def test_the_readers_of_a_channel_are_those_who_are_logged_in() -> None:
+    anna = Reader(UserRole.User, "anna", ANNA)
+    channel = channel_of(b"", Held([], None), Held([], anna, activated=False), Held([], anna))
+    assert channel.readers == [anna]
+
+
+def test_a_channel_goes_on_while_its_certificate_is_trusted_and_its_user_is_as_before() -> None:
+    def refuses(certificate: bytes) -> None:
+        raise trust.NotTrusted("the certificate is revoked")
+
+    anna = Reader(UserRole.User, "anna", ANNA)
+    for judge, certificate, users, why in (
+        (lambda _: None, b"c", {"anna": ANNA}, ""),
+        (refuses, b"c", {"anna": ANNA}, "the certificate is revoked"),
+        (refuses, b"", {"anna": ANNA}, ""),
+        (lambda _: None, b"c", {"anna": ANNA._replace(role=Role.ADMIN)}, "the user has changed"),
+        (lambda _: None, b"c", {}, "the user has changed"),
+    ):
+        assert channel_of(certificate, Held([], anna), judge=judge).lapsed(users) == why
+
+
+def test_the_end_of_a_channel_ends_its_subscriptions_too() -> None:
+    """Nobody may find them on another channel."""
+    did: list[str] = []
+    asyncio.run(channel_of(b"", Held(did, Reader(UserRole.User, "anna", ANNA)), Held(did, None)).end())
+    assert did == ["answers", "session, True", "answers"]
+
+
+@pytest.mark.parametrize(("known", "name"), [(ANNA, "anna"), (None, None)])
+def test_the_journal_names_whose_session_has_ended(
+    door: Door, monkeypatch: pytest.MonkeyPatch, known: User | None, name: str | None
+) -> None:
+    whose: list[Any] = []
+    monkeypatch.setattr(door.people._events, "put", lambda kind, text, who: whose.append((text, who)))
+    door.people.ended(Reader(UserRole.User, "anna", known), "the user has changed")
+    ((text, who),) = whose
+    assert text == "OPC UA session ended: the user has changed"
+    assert (who and who.user) == name

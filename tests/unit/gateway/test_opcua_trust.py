@@ -157,6 +157,36 @@ def test_a_client_certificate_is_valid_from_its_first_day_to_its_last(
     assert listed.opens(made) is valid
 
 
+def test_what_is_no_certificate_opens_nothing(listed: Listed) -> None:
+    """Bytes of anybody, and a certificate that says nothing of its uses."""
+    plain = (
+        x509.CertificateBuilder()
+        .subject_name(x509.Name([]))
+        .issuer_name(x509.Name([]))
+        .public_key(listed.key.public_key())
+        .serial_number(7)
+        .not_valid_before(datetime.now(UTC) - timedelta(days=1))
+        .not_valid_after(datetime.now(UTC) + timedelta(days=1))
+        .sign(listed.key, SHA256())
+    )
+    for each in (b"", b"nothing", plain.public_bytes(Encoding.DER)):
+        with pytest.raises(NotTrusted, match="no certificate of an application"):
+            listed.list.judge(each)
+
+
+def test_a_list_that_cannot_be_read_trusts_nobody(listed: Listed, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = listed.client()
+    listed.put("trusted/one.der", made)
+    assert listed.opens(made)
+
+    def gone() -> None:
+        raise OSError("gone")
+
+    monkeypatch.setattr(listed.list, "_files", gone)
+    assert [text for text in listed.list._read() if "nobody is trusted: gone" in text]
+    assert not listed.opens(made)
+
+
 def test_only_a_certificate_for_clients_is_taken(listed: Listed) -> None:
     """OPC UA Part 6, section 6.2.2: four uses of the key, and the purpose of a client."""
     wrong: list[dict[str, Any]] = [

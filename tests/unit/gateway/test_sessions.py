@@ -9,9 +9,7 @@ import pytest
 from gantryctl.gateway import sessions
 from gantryctl.gateway.sessions import (
     FAILURES,
-    IDLE_S,
     SESSIONS_OF_USER,
-    WHOLE_S,
     LockOut,
     Sessions,
     worth_writing,
@@ -38,19 +36,23 @@ def made(root: Path) -> tuple[Sessions, Users, Clock]:
 
 
 def test_a_session_ends_when_idle_when_old_and_when_closed(tmp_path: Path) -> None:
+    """15 min idle, 8 h in all."""
     sessions, users, clock = made(tmp_path)
     session = sessions.open(users.all()["anna"], "here")
     assert sessions.find(session.token) is session
-    clock.s += IDLE_S - 1.0
+    clock.s += 15 * 60.0 - 1.0
     sessions.use(session)
-    clock.s += IDLE_S - 1.0
+    clock.s += 15 * 60.0 - 1.0
     assert sessions.find(session.token) is session
     clock.s += 2.0
     assert sessions.find(session.token) is None
     other = sessions.open(users.all()["anna"], "here")
-    for _ in range(round(WHOLE_S / 600.0)):
-        sessions.use(other)
+    for _ in range(47):
         clock.s += 600.0
+        sessions.use(other)
+    clock.s += 599.0
+    assert sessions.find(other.token) is other
+    clock.s += 2.0
     assert sessions.find(other.token) is None
     third = sessions.open(users.all()["anna"], "here")
     sessions.close(third)

@@ -15,6 +15,7 @@ import pytest
 
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.drives.od.facts import DriveFacts, ObjectFact
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveState, LinkHealth
 from gantryctl.machine import Machine, default_machine, with_values
@@ -259,6 +260,18 @@ def test_nothing_makes_up_for_an_object_that_speed_control_needs(missing: int) -
     assert f"{missing:04X}" in found.text
 
 
+@pytest.mark.parametrize(("modes", "lacking"), [((1, 3, 9), False), ((1, 3), True)])
+def test_a_model_whose_profile_has_no_mode_9_lacks_it(modes: tuple[int, ...], lacking: bool) -> None:
+    question: Any = SimpleNamespace(
+        facts=SimpleNamespace(
+            has=lambda index, sub=0: True, objects={(0x6060, 0): SimpleNamespace(takes=lambda mode: True)}
+        ),
+        profile=SimpleNamespace(name="x", modes=modes),
+        verdict=lambda place: ParameterVerdict.OK,
+    )
+    assert csv_row(question).lacking is lacking
+
+
 def test_facts_of_an_exchanged_drive_replace_those_of_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "facts.json"
     facts = {
@@ -271,7 +284,9 @@ def test_facts_of_an_exchanged_drive_replace_those_of_the_old_one(tmp_path: Path
     assert load_facts(path) == replace(old, serial=5)
 
 
-@pytest.mark.parametrize("change", [{"axis.over_travel_max_deg": 180.4}, {"brake.sag_max_deg": 0.019}])
+@pytest.mark.parametrize(
+    "change", [{"axis.over_travel_max_deg": 180.4}, {"brake.sag_max_deg": 0.019}, {"can.inverted": True}]
+)
 def test_proofs_are_void_where_the_axis_or_its_brake_has_changed(change: dict[str, object]) -> None:
     machine = default_machine()
     assert proofs.proven_hash(with_values(machine, change)) != proofs.proven_hash(machine)

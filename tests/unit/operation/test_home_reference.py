@@ -53,6 +53,23 @@ def test_the_scale_is_that_of_the_reference_encoder() -> None:
     assert SCALE.range_counts == 2048 * 2048 * 4096
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("counts", "verdict"),
+    [(1, RestVerdict.OK), (2, RestVerdict.MOVED), (20, RestVerdict.MOVED), (21, RestVerdict.NOT_VALID)],
+)
+def test_the_limits_of_a_motion_while_off_belong_to_what_they_permit(
+    sign: int, counts: int, verdict: RestVerdict
+) -> None:
+    """An encoder whose counts are 0.05 deg: one is settled, 20 are the 1 deg that a person may acknowledge."""
+    scale = SCALE._replace(
+        identity=SCALE.identity._replace(counts_per_turn=7200), ratio=1.0, coarse_per_turn=7200
+    )
+    middle = scale.range_counts // 2
+    retained = replace(REST, zero_offset_counts=middle, rest_position_counts=middle)
+    assert judge_reference(scale, middle + sign * counts, retained).verdict is verdict
+
+
 def test_unmoved_is_believed_with_angle_turn_and_step() -> None:
     reading = judge_reference(SCALE, RAW, REST)
     assert reading.verdict is RestVerdict.OK

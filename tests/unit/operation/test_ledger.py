@@ -106,6 +106,15 @@ def test_bits_of_a_drive_without_digital_inputs_are_no_inputs(
     )
 
 
+@pytest.mark.parametrize("mappable", [True, False])
+def test_an_input_that_no_telegram_carries_is_lacking(mappable: bool) -> None:
+    """An emergency stop that is read once at the start protects nobody."""
+    place = (0x60FD, 0)
+    facts = replace(FACTS, objects=FACTS.objects | {place: replace(FACTS.objects[place], mappable=mappable)})
+    standing = Standing.OBJECT if mappable else Standing.LACKING
+    assert {row_of(name, facts).standing for name in SAFETY_INPUTS} == {standing}
+
+
 PERSON, FILE, NOBODY = "a person", "a key of the file", "nobody"
 TORQUE = with_values(REAL, {"can.torque_limit_in_drive_nm": 385.0})
 

@@ -17,6 +17,7 @@ from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import CommandRefused, ConfigError
 from gantryctl.image import Direction, DriveIdentity
 from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.operation import opening
 from gantryctl.operation.home_reference import EncoderScale, RestVerdict, judge_reference, why_not_referenced
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run import AxisRun
@@ -172,6 +173,17 @@ def test_before_the_first_scan_the_angle_is_that_of_the_opening(read_deg: float,
     assert AxisRun.angle_deg.fget(run) == pytest.approx(shown_deg)  # type: ignore[attr-defined]
 
 
+def test_in_a_run_the_angle_is_shown_in_the_turn_of_the_file() -> None:
+    """The axis counts on: 400 deg from its zero are 40."""
+    run: Any = SimpleNamespace(
+        engine=SimpleNamespace(scan=1),
+        axis=SimpleNamespace(
+            settings=SimpleNamespace(travel=travel_settings(modulo_machine())), pos_act_rad=rad(400.0)
+        ),
+    )
+    assert AxisRun.angle_deg.fget(run) == pytest.approx(40.0)  # type: ignore[attr-defined]
+
+
 def test_the_zero_is_set_anywhere_in_the_turn_and_kept() -> None:
     machine = modulo_machine(
         {"control.scan_period_ms": 10.0, "axis.pos_min_deg": 0.0, "axis.pos_max_deg": 360.0}
@@ -199,6 +211,14 @@ KEPT = Retained(
     machine="endless", config_hash="", encoder_serial="E1",
     zero_offset_counts=REST - round(100 * TURN / 360), rest_position_counts=REST,
 )  # fmt: skip
+
+
+def test_the_zero_of_a_modulo_axis_lies_on_the_branch_on_which_it_rested() -> None:
+    """It rested at 100 deg, 0.05 deg before the end of the range: 0.1 deg on the reading has begun anew."""
+    counts = (REST + round(0.1 / SCALE.deg_per_count)) % SPAN
+    found: Any = SimpleNamespace(feedback=SimpleNamespace(pos_act_counts=counts), retained=KEPT, scale=SCALE)
+    assert counts < REST
+    assert (counts - opening._zero_counts(found)) * SCALE.deg_per_count == pytest.approx(100.1, abs=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from gantryctl.operation.opening import (
 from gantryctl.operation.run_memory import RunEnd
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
-from gantryctl.program.alarms.reason import ClearedBy
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.units import deg
 
 from .kept_bench import MACHINE, NEW, kept_machine
@@ -86,6 +86,14 @@ def test_reasons_name_their_code_and_what_clears_them(
     with kept(turned_deg, error_stop) as store:
         opened = open_axis(MACHINE, store)
     assert [(reason.code, reason.cleared_by) for reason in opened.reasons] == expected
+
+
+def test_what_a_person_has_to_deal_with_first_stands_first() -> None:
+    """A motion while off is acknowledged by a reset; a record of another drive is not."""
+    with kept(turned_deg=0.2, error_stop="CTL-03") as store, read_only(MACHINE, store) as found:
+        other = Reason(Code.CFG_CAN_02, {"why": "another drive"}, ClearedBy.COMMISSIONING)
+        codes = [reason.code for reason in opening._reasons(found, (other,))]
+    assert codes == [Code.CFG_CAN_02, Code.ENC_09, Code.SYS_12]
 
 
 def test_a_reason_carries_its_numbers() -> None:

@@ -49,6 +49,7 @@ RECORD = CommissioningRecord(
         (RECORD, "B", ("5 X", "6 Y"), Words.OTHER_DRIVE),
         (RECORD, "A", ("5 X", "6 Z"), Words.OTHER_NODES),
         (RECORD, "A", ("5 X",), Words.OTHER_NODES),
+        (RECORD, "A", ("5 X", "6 Y", "7 Z"), Words.OTHER_NODES),
         (replace(RECORD, proven_hash="other"), "A", ("5 X", "6 Y"), Words.CONFIGURATION_CHANGED),
     ],
 )
@@ -57,6 +58,18 @@ def test_a_record_is_of_one_drive_its_nodes_and_one_configuration(
 ) -> None:
     why = why_not_commissioned(REAL, record, drive, (), nodes)
     assert (None if why is None else why.words) is words
+
+
+@pytest.mark.parametrize(
+    ("lacking", "steps"), [((), None), (("sign",), "sign"), (("turn", "sign"), "sign, turn")]
+)
+def test_each_step_that_is_missing_is_named(lacking: tuple[str, ...], steps: str | None) -> None:
+    rows = (
+        LedgerRow("has", Standing.PROVEN, proof="silence"),
+        *(LedgerRow(each, Standing.LACKING, proof=each) for each in lacking),
+    )
+    why: Any = why_not_commissioned(REAL, RECORD, "A", rows, ("5 X", "6 Y"))
+    assert why == (None if steps is None else Words.STEPS_MISSING(steps=steps))
 
 
 @pytest.mark.parametrize(

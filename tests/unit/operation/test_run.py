@@ -106,6 +106,8 @@ def test_an_override_outside_is_refused() -> None:
     for override in (0.0, -1.0, 1.5, float("nan")):
         with pytest.raises(UsageError):
             session.move(1.0, override=override)
+        # Power is not switched on for a move that cannot be.
+        assert session.axis.is_off
     session.close("refused")
 
 

@@ -62,6 +62,33 @@ def test_a_halt_is_one_halt_and_the_next_move_goes_on() -> None:
     run.close("done")
 
 
+def test_power_ups_and_moves_of_a_run_are_kept_each_for_itself() -> None:
+    with kept_machine(IDEAL) as store:
+        before = store.load_retained()
+        run = AxisRun(IDEAL, store)
+        for _ in range(2):
+            run.move_by(0.2)
+        run.close("done")
+        after = store.load_retained()
+    assert before is not None
+    assert after is not None
+    assert (after.power_ups - before.power_ups, after.moves - before.moves) == (1, 2)
+
+
+def test_a_move_that_was_stopped_is_not_done() -> None:
+    run = AxisRun(IDEAL)
+
+    def look(seen: Snapshot) -> None:
+        if seen.speed_deg_s is not None and seen.speed_deg_s > 0.5:
+            run.stop = Stop.RAMP
+
+    run.observe(look)
+    report = run.move(5.0)
+    assert (report.ending, report.done) == (Ending.STOPPED, False)
+    assert 0.0 < report.end_deg < 5.0
+    run.close("stopped")
+
+
 @pytest.mark.parametrize("forward", [True, False])
 def test_an_increment_is_one_increment_in_its_direction(forward: bool) -> None:
     run = AxisRun(IDEAL)

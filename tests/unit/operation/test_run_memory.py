@@ -103,6 +103,16 @@ def test_a_run_that_learned_nothing_leaves_what_was_learned() -> None:
     assert (after.torque_weights, after.calibration_watch) == ("[1.0, 2.0]", '{"found": {}}')
 
 
+def test_what_ended_a_run_is_kept_behind_its_warnings() -> None:
+    """A drive that left, a power-up that did not end: the program has raised no alarm that holds the axis."""
+    axis = an_axis()
+    axis.alarms.raise_(Code.ENC_06)
+    left = END._replace(alarm=AlarmStop("SYS-10 STOP · a test", Code.SYS_10))
+    after = retained_after(MACHINE, REST, axis, Left(RAW), left)
+    assert [alarm.code for alarm in after.alarms] == ["ENC-06", "SYS-10"]
+    assert after.error_stop == "SYS-10"
+
+
 def test_a_warning_is_kept_as_a_warning() -> None:
     axis = an_axis()
     axis.alarms.raise_(Code.ENC_06)

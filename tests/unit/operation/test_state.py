@@ -221,6 +221,9 @@ def test_the_encoder_is_reported_with_its_margins() -> None:
     assert rows["wrap margin"] == "464.5 deg below the travel, 464.5 deg above"
     assert rows["angle"] == "10.00000 deg"
     assert rows["moved while off"] == "+0.00000 deg"
+    report = encoder_report(MACHINE)
+    uneven = replace(report, reading=report.reading._replace(margin_minus_deg=1.0, margin_plus_deg=2.0))
+    assert dict(uneven.rows())["wrap margin"] == "1.0 deg below the travel, 2.0 deg above"
 
 
 NOW = datetime(2026, 11, 23, tzinfo=UTC)
@@ -269,8 +272,9 @@ def test_a_zero_may_have_just_the_margin_of_the_file() -> None:
 
 def test_a_zero_is_of_this_encoder_at_this_rest_and_the_one_before_is_kept() -> None:
     before = kept(encoder_serial="ANOTHER", rest_position_counts=None)
-    set_encoder_zero(MACHINE, 10.0, "mark 7")
+    set_encoder_zero(MACHINE, 12.0, "mark 7")
     after = memory()
+    assert after.zero_offset_counts != before.zero_offset_counts
     assert after.encoder_serial == new_machine(MACHINE).retained.encoder_serial != "ANOTHER"
     assert after.previous_offset_counts == before.zero_offset_counts
     assert after.rest_position_counts == new_machine(MACHINE, 10.0).retained.rest_position_counts

@@ -34,6 +34,12 @@ def test_a_sector_over_0_deg_of_an_axis_without_ends_goes_on_into_the_next_turn(
     assert sector == approx((math.radians(150.0), math.radians(190.0)))
 
 
+@pytest.mark.parametrize(("display", "read_deg"), [("0..360", 270.0), ("-180..180", -90.0)])
+def test_an_angle_is_read_as_the_file_says(display: str, read_deg: float) -> None:
+    travel = travel_settings(with_values(default_machine(), {"axis.display": display}))
+    assert math.degrees(travel.read_rad(math.radians(-90.0))) == approx(read_deg)
+
+
 @pytest.mark.parametrize(("begin_deg", "shown_deg"), [(-180.0, -10.0), (0.0, 350.0)])
 def test_angles_of_an_axis_without_ends_are_shown_in_the_turn_of_the_file(
     begin_deg: float, shown_deg: float

@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
+from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.object_table import read_objects_of
+from gantryctl.drives.profiles import load_profile
 from gantryctl.drives.profiles.dictionary import profile_of_table
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
@@ -203,6 +205,25 @@ def test_what_a_virtual_drive_and_its_master_send_is_logged_with_its_own_time(ca
     assert (pytest.approx(drive.time_us * 1e-6, abs=0.1), 0x80, True) in heard
 
 
+def test_the_time_of_a_virtual_drive_is_that_of_whoever_waits(can: Machine) -> None:
+    link, drive, _ = virtual.virtual_bus(can)
+    begun_us = drive.time_us
+    link.pause(0.02)
+    assert drive.time_us - begun_us == 20_000
+    link.close()
+
+
+@pytest.mark.parametrize(("unit", "told"), [("mrev/s", False), ("inc/s", True), ("profile", False)])
+def test_a_unit_of_the_file_against_the_profile_of_the_drive_is_told(
+    can: Machine, unit: str, told: bool
+) -> None:
+    """Profile ingenia_everest has mrev/s: with another one every speed is wrong by a factor."""
+    machine = with_values(can, {"can.velocity_unit": unit, "can.profile": "ingenia_everest"})
+    vendor = load_profile("ingenia_everest").match.vendor
+    found = canopen.contradictions(machine, DriveFacts(vendor, 0, 0, 0, "", {}))
+    assert [each.object for each in found] == (["[can] velocity_unit"] if told else [])
+
+
 def test_a_speed_whose_unit_nobody_knows_counts_no_increments(
     can: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -323,6 +344,18 @@ def test_without_coulomb_friction_there_is_no_friction(side: str) -> None:
         changes = {f"plant.{side}_friction.{name}_nm": coulomb_nm for name in ("coulomb", "breakaway")}
         found = simulator.plant_params(with_values(default_machine(), changes))
         assert getattr(found, f"{side}_friction") is there
+
+
+def test_both_motors_of_an_axis_without_ends_are_turned_back() -> None:
+    """Two turns of the axis are 2 x 1144 of each motor; what each of them is off by stays."""
+    machine, turns = modulo_machine(), 2.0 * math.tau
+    state = {
+        "pos_load": turns + 0.1, "pos_motor": 1144 * turns + 114.0, "pos_motor_2": 1144 * turns + 115.0,
+        "drive_pos_last": 1144 * turns + 114.5, "count_offset": 7.0,
+    }  # fmt: skip
+    found = simulator.turned_back(machine, state)
+    expected = {"pos_load": 0.1, "pos_motor": 114.0, "pos_motor_2": 115.0, "drive_pos_last": 114.5}
+    assert {name: found[name] for name in expected} == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_state_without_an_angle_is_turned_back_by_nothing() -> None:
