@@ -86,3 +86,12 @@ def test_each_certificate_has_a_warning_of_its_own(tmp_path: Path) -> None:
     assert watch.due(files, NOW + timedelta(hours=1)) == []
     # The third one expires in 30 days: that is the first day of its warning.
     assert len(watch.due(files, NOW + timedelta(days=10))) == 3
+
+
+@pytest.mark.parametrize(("after_s", "words"), [(-1, "expires in"), (0, "expired on"), (1, "expired on")])
+def test_a_certificate_expires_until_its_end_and_has_expired_from_then_on(
+    tmp_path: Path, after_s: int, words: str
+) -> None:
+    file = certificate(tmp_path / "some.pem", NOW - timedelta(days=9), NOW)
+    (line,) = CertificateWatch().due([file], NOW + timedelta(seconds=after_s))
+    assert words in line

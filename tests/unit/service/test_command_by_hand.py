@@ -14,6 +14,7 @@ from gantryctl.program import AxisState
 from gantryctl.service.command import rules
 from gantryctl.service.command.authority import Authority
 from gantryctl.service.command.inbox import Gone, PendingCommand
+from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.protocol.messages import Message, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
@@ -194,3 +195,22 @@ def test_power_that_is_on_or_goes_off_is_answered_at_once_and_power_that_comes_b
     bench.operator._set(power=level)
     assert bench.operator._power(on) is done
     assert bench.operator.levels.power is on
+
+
+@pytest.mark.parametrize(("now_s", "ends"), [(0.0, False), (0.0625, False), (0.125, True), (0.25, True)])
+def test_a_lease_ends_in_the_last_scan_before_its_time(now_s: float, ends: bool) -> None:
+    """A quarter of a second and scans of an eighth: numbers that are exact. Before the first press no key is held."""
+    hold = HoldToRun(0.25, 0.125)
+    assert (hold.alive, hold.forward, hold.reverse) == (False, False, False)
+    assert hold.begin(LEASE, "page", True, 0.0, 0.0) is None
+    assert hold.check(now_s) is ends
+    assert hold.alive is not ends
+
+
+def test_a_key_that_is_held_is_no_event() -> None:
+    bench = Bench()
+    one = bench.who()
+    bench.powered(one)
+    bench.do(one, "jog", lease=LEASE, direction="forward")
+    bench.hold(0.2)
+    assert not [text for text in told(bench, "command") if text.startswith("hold-to-run")]

@@ -73,13 +73,13 @@ def test_who_was_quiet_for_longest_is_forgotten_and_not_who_asks_now(monkeypatch
 
 
 def test_who_asks_on_is_let_in_when_his_time_has_come() -> None:
-    """One message a second, and one at once; asking too early neither shortens the wait nor begins it anew."""
+    """A message in half a second, and one at once; asking too early neither shortens the wait nor begins it anew."""
     now_s = 0.0
-    rate = RateLimiter(1.0, 1.0, now=lambda: now_s)
+    rate = RateLimiter(2.0, 1.0, now=lambda: now_s)
     waits = []
-    for now_s in (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 10.0, 10.0):  # noqa: B007 - the limiter looks at it
+    for now_s in (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 10.0, 10.0):  # noqa: B007 - the limiter looks at it
         waits.append(rate.wait_s())
-    assert waits == approx([0.0, 0.75, 0.5, 0.25, 0.0, 0.5, 0.0, 1.0])
+    assert waits == approx([0.0, 0.375, 0.25, 0.125, 0.0, 0.25, 0.0, 0.5])
 
 
 def test_the_local_socket_has_so_many_places_for_all_users_together(

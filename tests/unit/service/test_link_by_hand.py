@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -184,6 +185,7 @@ def test_a_held_key_is_renewed_with_each_frame_and_let_go(desk: Desk, tmp_path: 
     assert (jog["type"], jog["direction"]) == ("jog", "forward" if forward else "reverse")
     assert [each["type"] for each in renewals] == ["renew"] * 3
     assert {each["lease"] for each in (jog, *renewals, release)} == {jog["lease"]}
+    assert re.fullmatch("[0-9a-f]{16}", jog["lease"])
     assert release["type"] == "release"
     # A renewal waits for its period at most, anything else for seconds.
     assert max(desk.socket.timeouts[1:-1]) <= module.RENEW_S

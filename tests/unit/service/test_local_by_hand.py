@@ -29,6 +29,7 @@ class Desk:
         self.takes: BaseException | None = None
         self.texts = [STATUS, REPLY]
         self.places, self.room = 1, True
+        self.patch, self.later = monkeypatch, list[Any]()
         self.client = SimpleNamespace(
             who="who", wake=asyncio.Event(), displaced=False, take=self.take, outgoing=self.outgoing
         )
@@ -95,7 +96,18 @@ class Desk:
             transport=SimpleNamespace(abort=lambda: self.did.append("aborted")),
         )
         self.client.wake.set()
-        asyncio.run(self.server._serve(reader, writer))
+
+        async def whole() -> None:
+            loop = asyncio.get_running_loop()
+            later, at_end = loop.call_later, local._SEND_S
+            self.patch.setattr(
+                loop,
+                "call_later",
+                lambda s, do, *how: self.later.append(do) if s == at_end else later(s, do, *how),
+            )
+            await self.server._serve(reader, writer)
+
+        asyncio.run(whole())
         return self.did
 
     def sent(self) -> list[bytes]:
@@ -119,6 +131,10 @@ def test_who_comes_is_whom_the_system_names_at_the_machine_with_his_person(desk:
     ]
     assert b"one\n" in did
     assert did[-2:] == ["left", "closed"]
+    # Who does not read the last replies keeps no handle: five seconds later it is cut off.
+    (cut_off,) = desk.later
+    cut_off()
+    assert did[-1] == "aborted"
 
 
 def test_the_link_is_for_the_user_who_asks_and_in_the_journal(desk: Desk) -> None:

@@ -9,12 +9,14 @@ from typing import Self
 
 import pytest
 
+from gantryctl.errors import UsageError
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory import events as events_module
 from gantryctl.service.memory import memory as module
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import JournalHealth, JournalState, SharedMemory, Word
+from gantryctl.service.memory.trace_ring import RingRecorder
 from support.service_bench import ring
 
 
@@ -132,4 +134,31 @@ def test_a_writer_behind_one_that_was_killed_while_it_wrote_is_read() -> None:
     assert lock.read() is None
     lock.publish(b"two")
     assert (lock.version, lock.read()) == (2, b"two")
+    memory.close()
+
+
+@pytest.mark.parametrize(("waiting", "room"), [(0, True), (2047, True), (2048, False), (4096, False)])
+def test_the_last_places_are_kept_for_stops_and_alarms(waiting: int, room: bool) -> None:
+    """2,048 of them, of 4,096."""
+    made = ring(4096, 16)
+    for _ in range(waiting):
+        assert made.put(b"")
+    assert EventLog(made).room is room
+
+
+def test_a_ring_has_a_place_at_least() -> None:
+    one = ring(1)
+    assert (one.put(b"one"), one.put(b"two"), one.take()) == (True, False, b"one")
+    with pytest.raises(UsageError, match="no room for a slot"):
+        ring(0)
+
+
+def test_a_row_has_sixty_four_columns_at_most() -> None:
+    memory = SharedMemory.create()
+    made = RingRecorder(memory.rows, [f"c{n}" for n in range(64)])
+    made.number = 1
+    made.record((1.0,) * 64)
+    assert (made.lost, len(memory.rows)) == (0, 1)
+    with pytest.raises(UsageError, match="65 columns: the ring takes 64"):
+        RingRecorder(memory.rows, [f"c{n}" for n in range(65)])
     memory.close()

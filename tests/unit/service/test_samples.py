@@ -120,3 +120,11 @@ def test_a_record_that_is_overwritten_while_it_is_read_is_not_taken_for_an_older
         ring.put(bytes([n]))
     # 0, 1 and 2 read as 8, 9 and 10; 3 is the next to be overwritten.
     assert ring.look(0, 8) == (4, [bytes([n]) for n in range(4, 8)])
+
+
+def test_a_row_that_was_damaged_is_left_out(bench: Bench) -> None:
+    bench.rows(3)
+    ring = bench.memory.rows
+    ring._memory[192 + ring._slot + 8] ^= 1
+    found = bench.samples.read(0, ROWS_MAX)
+    assert (found["next"], found["tags"]["time_s"]) == (3, pytest.approx([0.0, 0.002]))

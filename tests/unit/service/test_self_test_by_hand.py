@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import StateError
+from gantryctl.operation.store import PeerName
 from gantryctl.service.memory import memory as memory_module
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.supervisor import selftest, users_kept
@@ -185,3 +187,15 @@ def test_all_journals_are_waited_for_and_those_without_it_are_named(
     looks.clear()
     assert users_kept.not_kept(users, [tmp_path / name for name in "abc"], sleep) == ["c"]
     assert now_s == pytest.approx(103.15, abs=0.051)
+
+
+def test_a_service_runs_where_somebody_listens(tmp_path: Path) -> None:
+    """A socket that a killed service has left behind is none, and other machines have none."""
+    for name in ("alive", "dead", "other"):
+        (tmp_path / name).mkdir()
+    with socket.socket(socket.AF_UNIX) as alive, socket.socket(socket.AF_UNIX) as dead:
+        for name, made in (("alive", alive), ("dead", dead)):
+            with PeerName(tmp_path / name) as address:
+                made.bind(address)
+        alive.listen()
+        assert users_kept.running(tmp_path) == [tmp_path / "alive"]

@@ -497,3 +497,10 @@ def test_a_process_that_is_being_made_when_all_ends_is_ended_too(monkeypatch: py
 
     asyncio.run(whole())
     assert did == ["making", "asked", "ended"]
+
+
+def test_a_process_that_was_never_started_needs_no_end() -> None:
+    child = Child("gateway", ["a"], [])
+    asyncio.run(child.end(1.0))
+    child.end_hung(print, 10**18)
+    assert child._ending.is_set()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+import threading
 from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,11 +16,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gantryctl.errors import DeviceError
 from gantryctl.runtime import recorder
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.memory.snapshot import publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
-from gantryctl.service.recorder import trace_writer
+from gantryctl.service.recorder import freed_memory, trace_writer
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.recorder.row_filter import BEFORE_S
 from gantryctl.service.recorder.trace_writer import TraceWriter
@@ -491,3 +493,36 @@ def test_what_was_left_is_looked_for_once_a_minute(tmp_path: Path, monkeypatch: 
         bench.writer.drain(at_once=True)
     assert looks == [1060.0, 1120.0]
     bench.memory.close()
+
+
+def test_files_are_being_closed_until_they_are(tmp_path: Path) -> None:
+    closing, goes_on = trace_writer._Closing(), threading.Event()
+    assert closing.under_way is False
+    closing._begin([(tmp_path / "a", goes_on.wait)])
+    assert closing.under_way is True
+    goes_on.set()
+    closing.join()
+    assert closing.under_way is False
+
+
+def test_a_file_that_cannot_be_left_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def leave() -> None:
+        raise DeviceError("no room")
+
+    bench = Bench(tmp_path)
+    monkeypatch.setattr(bench.writer, "_last_rows", lambda: SimpleNamespace(leave=leave))
+    bench.writer._leave()
+    assert capsys.readouterr().err == "recorder: no room\n"
+    bench.memory.close()
+
+
+@pytest.mark.parametrize("asked", ["", "jemalloc"])
+def test_buffers_come_from_the_system_unless_somebody_asks_for_another_pool(
+    monkeypatch: pytest.MonkeyPatch, asked: str
+) -> None:
+    environment = {"ARROW_DEFAULT_MEMORY_POOL": asked} if asked else {}
+    monkeypatch.setattr(freed_memory, "os", SimpleNamespace(environ=environment))
+    freed_memory.keep_no_pool()
+    assert environment == {"ARROW_DEFAULT_MEMORY_POOL": asked or "system"}

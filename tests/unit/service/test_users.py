@@ -179,3 +179,20 @@ def test_a_change_that_keeps_the_size_of_the_file_is_seen(tmp_path: Path, quick:
     assert watch.changes() == ["user anna has a new password"]
     users._store(users.all())
     assert watch.changes() == ["the file of users was written again, nothing has changed"]
+
+
+def test_a_password_counts_to_its_last_character(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """256 of them; of a longer one no more is looked at than shows that it is too long."""
+    secrets: list[bytes] = []
+
+    def scrypt(secret: bytes, **_: object) -> bytes:
+        secrets.append(secret)
+        return hashlib.sha256(secret).digest()
+
+    monkeypatch.setattr(module.hashlib, "scrypt", scrypt)
+    users = Users(tmp_path)
+    users.add("anna", Role.VIEWER, "x" * 255 + "y")
+    found = [users.check("anna", "x" * 255 + last) is not None for last in ("y", "x", "", "yx")]
+    assert found == [True, False, False, False]
+    users.check("anna", "x" * 10**5)
+    assert [len(secret) for secret in secrets] == [256, 256, 256, 255, 257, 257]

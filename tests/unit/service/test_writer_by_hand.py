@@ -18,7 +18,7 @@ from gantryctl.service.recorder.journal import file, reading, writer
 from gantryctl.service.recorder.journal.chain import Anchor
 from gantryctl.service.recorder.journal.file import Damaged
 from gantryctl.service.recorder.journal.key import Key, made_key, read_key
-from gantryctl.service.recorder.journal.mirror import Mirror, Newest
+from gantryctl.service.recorder.journal.mirror import Mirror, Newest, SystemFile
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.proof import verify, verify_file
 from gantryctl.service.recorder.journal.reading import _entry, _first, copy_journal, read_journal
@@ -300,9 +300,10 @@ def test_a_copy_is_on_the_disk_before_it_has_its_name(
     target, named = tmp_path / "copy.sqlite", list[bool]()
     monkeypatch.setattr(reading, "os", SimpleNamespace(**vars(os)))
     monkeypatch.setattr(reading.os, "fsync", lambda _: named.append(target.exists()))
-    copy_journal(tmp_path / "state" / "journal.sqlite", target)
+    assert copy_journal(tmp_path / "state" / "journal.sqlite", target) == (0, "", 0, 0)
     assert named == [False]
     assert target.exists()
+    assert copy_journal(tmp_path / "state" / "journal.sqlite", target) == (3, "", 0, 0)
 
 
 def test_a_copy_that_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
@@ -312,3 +313,43 @@ def test_a_copy_that_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="they are different journals"):
         copy_journal(tmp_path / "two" / "journal.sqlite", tmp_path / "copy.sqlite")
     assert [path.name for path in tmp_path.glob("copy*")] == ["copy.sqlite"]
+
+
+def test_a_journal_that_was_begun_in_place_of_a_lost_one_and_got_no_event_is_gone_on_with(
+    tmp_path: Path,
+) -> None:
+    """Its writer was killed before it could say so."""
+    made = filled(tmp_path)
+    key = made._key
+    made.close()
+    path = tmp_path / "journal.sqlite"
+    path.unlink()
+    file.open_file(path, file.connect, key).close()
+    again = Journal(tmp_path)
+    assert (again.moved_aside, again.locked) == (None, True)
+    again.close()
+    (told,) = texts(tmp_path)
+    assert told.startswith("JRN-04")
+
+
+def test_the_mirrors_are_written_when_there_is_something_new(tmp_path: Path) -> None:
+    """Twice for each commit, and not in each look."""
+    written: list[Path] = []
+
+    class Counted(SystemFile):
+        def __init__(self, path: Path) -> None:
+            super().__init__(path)
+            self.path = path
+
+        def write(self, offset: int, data: bytes) -> None:
+            written.append(self.path)
+            super().write(offset, data)
+
+    made = Journal(tmp_path, opened=Counted)
+    written.clear()
+    for number in (1, 2):
+        made.append(1, 0, number, [record("an event")])
+        for _ in range(3):
+            made.reflect()
+    assert written == [*made.places.mirrors] * 2
+    made.close()
