@@ -38,7 +38,7 @@ from gantryctl.units import rad
 from gantryctl.wiring.program import axis_settings
 from support.modulo_machine import modulo_machine
 
-from .ledger_bench import FACTS, REAL, changed, row_of
+from .ledger_bench import FACTS, REAL, VIRTUAL, changed, row_of
 
 MACHINE = default_machine()
 IDEAL = with_values(MACHINE, {"drive.kind": "ideal"})
@@ -124,6 +124,30 @@ def test_a_drive_that_refused_a_parameter_keeps_power_off() -> None:
     (reason,) = proofs.bus_reasons(REAL, None, Drive(refusals=("6085: 5 wanted, 4 kept", "x")))  # type: ignore[arg-type]
     assert reason.code is Code.CFG_CAN_01
     assert "6085: 5 wanted, 4 kept; x" in reason.text
+
+
+@pytest.mark.parametrize(
+    ("machine", "kept", "commissioning", "codes"),
+    [
+        (REAL, True, False, [Code.CFG_CAN_02]),
+        (REAL, True, True, []),
+        (REAL, False, False, []),
+        (VIRTUAL, True, False, []),
+    ],
+)
+def test_a_record_is_asked_of_a_real_drive_that_is_not_being_commissioned(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    machine: Machine,
+    kept: bool,
+    commissioning: bool,
+    codes: list[Code],
+) -> None:
+    """Nothing of the drive is lacking; without a directory there is no run that could have left a record."""
+    monkeypatch.setattr(proofs, "ledger_of", lambda *_: ())
+    store: Any = SimpleNamespace(directory=tmp_path) if kept else None
+    found = proofs.bus_reasons(machine, store, Drive(), commissioning=commissioning)  # type: ignore[arg-type]
+    assert [reason.code for reason in found] == codes
 
 
 @pytest.mark.parametrize(("fastest", "codes"), [(0.59, [Code.CFG_CAN_05]), (0.61, [])])
