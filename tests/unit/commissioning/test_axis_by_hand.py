@@ -81,6 +81,35 @@ def test_a_speed_outside_of_the_band_is_stopped_on_either_side(shown_deg_s: floa
         axis.run(PERIOD_S, speed_deg_s=0.3)
 
 
+def test_single_readings_outside_of_the_band_do_not_add_up() -> None:
+    """Two scans of three, 60 times: the five that are allowed count one after the other."""
+    drive, axis = enabled()
+    axis.run(0.1, speed_deg_s=0.3)
+    number = [0]
+
+    def spoil(seen: DriveFeedback) -> DriveFeedback:
+        number[0] += 1
+        return seen if number[0] % 3 == 0 else seen._replace(vel_act_rad_s=math.radians(0.95) * 1144)
+
+    drive.spoil = spoil
+    axis.run(180 * PERIOD_S, speed_deg_s=0.3)
+    assert drive.state is S.OPERATION_ENABLED
+
+
+def test_a_fault_that_shows_late_behind_a_silence_is_reset() -> None:
+    drive, axis = enabled()
+    drive.wrote.clear()
+
+    def spoil(seen: DriveFeedback) -> DriveFeedback:
+        reset = any(output.request is DriveRequest.FAULT_RESET for output in drive.wrote)
+        late = len(drive.wrote) > 5 and not reset
+        return seen._replace(state=S.FAULT if late else S.SWITCH_ON_DISABLED)
+
+    drive.spoil = spoil
+    axis.wake()
+    assert drive.wrote[-1].request is DriveRequest.FAULT_RESET
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("behind_deg", "stops"), [(0.45, False), (0.55, True), (-0.45, False), (-0.55, True)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,7 @@ from gantryctl.drives.profiles.dictionary import profile_of_table
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
-from gantryctl.wiring import canopen, simulator, virtual, virtual_nodes
+from gantryctl.wiring import canopen, simulator, teeth, virtual, virtual_nodes
 from gantryctl.wiring.bus_log import logged_links
 from gantryctl.wiring.canopen import can_link, canopen_drive, read_only_drive, reset_drive_fault
 from gantryctl.wiring.engine import build_program
@@ -323,6 +324,38 @@ def test_an_encoder_is_on_the_simulated_ring_where_the_file_has_one(monkeypatch:
     for there in (False, True):
         simulator.gantry_sim(with_values(default_machine(), {"plant.load_encoder.fitted": there}))
         assert fitted == [True] * there
+
+
+def test_the_encoder_on_the_simulated_ring_has_the_steps_noise_and_latency_of_the_file() -> None:
+    """20 bits are 5.9921e-6 rad a step; 40 us."""
+    encoder = {"bits": 20, "noise_rad": 2e-6, "latency_us": 40.0, "scale_error_rad": 3e-5}
+    machine = with_values(
+        default_machine(), {f"plant.load_encoder.{key}": each for key, each in encoder.items()}
+    )
+    got: list[Any] = []
+    sim: Any = SimpleNamespace(fit_load_encoder=lambda *given: got.extend(given))
+    simulator.fit_load_encoder(machine, sim)
+    step_rad, noise_rad, latency_s, scale = got
+    assert (step_rad, noise_rad, latency_s) == pytest.approx((5.9921e-6, 2e-6, 40e-6), rel=1e-4)
+    assert max(abs(gain) for _, gain, _ in scale) <= 3e-5
+
+
+def test_pitch_deviations_are_those_of_iso_1328() -> None:
+    """Module 4 mm, 100 mm, in um: 0.3 x 4 + 1.25 x 10 + 7, and 0.3 x (4 + 0.4 x 10) + 4; twice that two grades on."""
+    for grade, factor in ((5.0, 1.0), (7.0, 2.0)):
+        assert teeth.pitch_deviation_um(4.0, 100.0, grade) == pytest.approx(20.7 * factor)
+        assert teeth.single_pitch_um(4.0, 100.0, grade) == pytest.approx(6.4 * factor)
+
+
+def test_drawn_teeth_leave_the_long_waves_to_other_keys() -> None:
+    """Twelve waves of a turn of the ring, one of the pinion."""
+    for drawn, without in ((teeth.ring_deviations_um, 12), (teeth.pinion_deviations_um, 1)):
+        found = drawn(60, 5.0, 6.0, 7)
+        sizes = [
+            abs(sum(each * cmath.exp(2j * math.pi * wave * k / 60) for k, each in enumerate(found)))
+            for wave in range(without + 2)
+        ]
+        assert max(sizes[: without + 1]) < 1e-9 < sizes[-1]
 
 
 def test_an_ideal_axis_goes_on_where_it_was() -> None:
