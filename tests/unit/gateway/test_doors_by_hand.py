@@ -334,7 +334,7 @@ def test_files_of_the_page_wait_for_nobody_on_this_machine_alone(
 ) -> None:
     """A flood from there keeps no new page away; one from elsewhere costs this machine as little as any other."""
     door, asked = guard(access), scope(path="/index.html") | {"client": (address, 1)}
-    assert any(door._wait_s(asked) > 0.0 for _ in range(10_000)) is waits
+    assert any(door._wait_s(asked) > 0.0 for _ in range(500)) is waits
 
 
 def test_sessions_have_a_rate_each(access: Access) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -73,6 +75,21 @@ def test_power_ups_and_moves_of_a_run_are_kept_each_for_itself() -> None:
     assert before is not None
     assert after is not None
     assert (after.power_ups - before.power_ups, after.moves - before.moves) == (1, 2)
+
+
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_a_power_down_waits_until_nothing_moves_any_more(at_rest: bool) -> None:
+    """Torque may be off while the set-point is still on its ramp: the next run would begin with it."""
+    asked: list[bool] = []
+    run: Any = SimpleNamespace(
+        _powered=True,
+        axis=SimpleNamespace(is_off=True, virtual=SimpleNamespace(at_rest=at_rest)),
+        _scans=SimpleNamespace(
+            command=lambda **_: None, until=lambda done, seconds, *, watch: asked.append(done())
+        ),
+    )
+    AxisRun.power_down(run)
+    assert asked == [at_rest]
 
 
 def test_a_move_that_was_stopped_is_not_done() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -190,6 +191,19 @@ def test_a_drive_of_the_field_has_its_plate_its_modes_and_its_units(can: Machine
     assert set(made.modes) - {0} <= set(profile.modes)
     assert (made.ramp_unit, made.ramp_size) == (profile.units.ramp, profile.units.ramp_size)
     assert made.counts_per_turn == can.can.increments_per_turn
+
+
+@pytest.mark.parametrize(("word", "unit"), [(None, "mrev/s"), (0x00B4_4700, "r/min")])
+def test_a_drive_of_the_field_is_believed_before_its_profile(
+    can: Machine, word: int | None, unit: str
+) -> None:
+    """60A9 of the drive says r/min, the profile mrev/s."""
+    table = read_objects_of(virtual.shipped_objects(), "Ingenia EVE-NET 1.8.1")
+    entries = {place: entry for place, entry in table.entries.items() if place != (0x60A9, 0)}
+    if word is not None:
+        entries[0x60A9, 0] = replace(table.entries[0x60FF, 0], default=word)
+    made = as_in_table(drive_kind(can), replace(table, entries=entries), can)
+    assert made.velocity_unit == unit
 
 
 def test_what_a_virtual_drive_and_its_master_send_is_logged_with_its_own_time(can: Machine) -> None:
