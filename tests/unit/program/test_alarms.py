@@ -175,6 +175,17 @@ def test_a_warning_that_becomes_a_stop_is_told_anew_with_its_own_time_and_values
     assert (log.history[0].severity, alarm.severity) == (Severity.WARNING, Severity.STOP)
 
 
+def test_the_horn_sounds_from_the_alarm_that_asks_for_it_until_all_are_cleared():
+    log = AlarmLog()
+    log.raise_(Code.CTL_04, measured=6.7, limit=6.6)
+    assert not log.horn
+    log.raise_(Code.BRK_11, measured=1.0, time_s=3.0)
+    log.raise_(Code.INT_03, measured=180.7)
+    assert log.horn, "another alarm does not silence it"
+    log.clear()
+    assert not log.horn
+
+
 def test_a_reset_leaves_no_reaction_that_waits():
     log = AlarmLog()
     log.raise_(Code.BRK_11, measured=1.0, time_s=3.0)

@@ -211,6 +211,7 @@ def test_set_position_is_refused_in_motion_and_outside(rig):
     call(rig, block, execute=True, position_rad=rad(180.5))
     assert block.error_id == "CTL-01"
     call(rig, block, execute=False, position_rad=0.0)
+    assert not block.error, "an error is told until Execute is released"
     call(rig, move, execute=True, position_rad=rad(20.0), velocity_rad_s=rad(6.0))
     call(rig, block, execute=True, position_rad=0.0)
     assert "needs standstill" in block.error_text

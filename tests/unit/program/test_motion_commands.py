@@ -290,6 +290,13 @@ def test_a_motion_that_override_0_holds_back_is_judged_again_before_it_goes_on()
     assert abs(rig.vel_deg_s) > 1.0
 
 
+def test_a_motion_under_way_is_made_slower_also_where_it_would_not_be_begun():
+    rig = moving_rig()
+    rig.axis.interlocks.permitted = False
+    assert rig.axis.set_override(0.5) is None
+    assert rig.axis.virtual.override == 0.5
+
+
 def test_a_stop_at_standstill_begins_no_stop_and_moves_no_end_of_the_last_motion():
     rig = powered()
     rig.move(1.0)

@@ -114,6 +114,19 @@ def test_a_brake_that_nobody_saw_close_of_a_shaft_that_nobody_sees_rest_is_not_t
     assert W.BRAKE_COMMANDED not in stop.steps
 
 
+def test_a_reading_that_came_to_stand_long_before_the_brake_closed_is_told_with_its_last_speed():
+    stop = Stop()
+    stop.scan(2, state=OFF, counts=100)
+    stop.scan(5, counts=101, deg_s=-2.5)
+    stop.scan(6, deg_s=0.0)
+    stop.scan(200, brake_open=False)
+    stop.scan(300, over=True)
+    told = stop.parts.alarms.active[Code.ENC_02].values
+    assert told["measured"].values["value"] == approx(2.5)
+    assert told["time_ms"] == approx(295.0)
+    assert stop.parts.feedback.in_doubt
+
+
 def test_rest_counts_from_when_the_speed_is_known():
     stop = Stop()
     stop.parts.feedback._speed_age = stop.parts.feedback.age = 30
