@@ -130,9 +130,11 @@ def test_a_compiled_copy_that_would_run_and_says_something_else_is_named(
 def test_a_compiled_copy_that_python_would_not_run_is_left_alone(site: Path) -> None:
     source = site / "house" / "x.py"
     copy, other = compiled(source), compiled(site / "house" / "room" / "y.py")
-    data = copy.read_bytes()
+    data, limit = copy.read_bytes(), (180500).to_bytes(4, "little")
+    assert limit in other.read_bytes()
     copy.write_bytes(data[:8] + bytes(4) + data[12:-8])  # of a source of another time
-    other.write_bytes(b"old" + data[3:])  # of another Python
+    # Of another Python, and of something else than its source.
+    other.write_bytes(b"old" + other.read_bytes()[3:].replace(limit, (190500).to_bytes(4, "little")))
     result = found(site)
     assert result is not None
     assert result.changed == ()

@@ -6,9 +6,19 @@ import re
 
 import pytest
 
-from gantryctl.service.protocol.answers import SCHEMAS, list_of
+from gantryctl.program.alarms.codes import Code
+from gantryctl.service.memory.memory import JournalState
+from gantryctl.service.protocol.answers import SCHEMAS, exactly, list_of
 from gantryctl.service.protocol.frames import MARK_PATTERN, mark_of
-from gantryctl.service.protocol.messages import Identity, MessageRefused, parse, reply_to, to_record
+from gantryctl.service.protocol.messages import (
+    Identity,
+    Message,
+    MessageRefused,
+    action_of,
+    parse,
+    reply_to,
+    to_record,
+)
 from gantryctl.service.protocol.roles import Action, Role, may, rights_of
 from gantryctl.service.protocol.tags import ALARM_ROW, BY_NAME
 
@@ -80,6 +90,49 @@ def test_what_may_be_unknown_is_null_and_nothing_else() -> None:
     ]  # fmt: skip
     assert tags["properties"]["pos_act_deg"]["x-unit"] == "deg"
     assert (tags["required"], tags["additionalProperties"]) == ([], False)
+    assert exactly({"a": {}, "b": {}}, optional=["a"])["required"] == ["b"]
     assert list_of("AlarmRow") == {"type": "array", "items": {"$ref": "#/components/schemas/AlarmRow"}}
     assert SCHEMAS["Status"]["properties"]["age_ms"]["type"] == ["number", "null"]
     assert SCHEMAS["Status"]["required"] == ["type", "fresh", "age_ms", "tags"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "action"),
+    [
+        ("take", {"over": False}, "authority"), ("take", {"over": True}, "take_over"), ("give", {}, "authority"),
+        ("power", {"on": True}, "power"), ("mode", {}, "mode"), ("jog", {}, "jog"), ("renew", {}, "jog"),
+        ("release", {}, "view"), ("alive", {}, "view"), ("increment", {}, "jog"), ("move", {}, "move"),
+        ("move_by", {}, "move"), ("halt", {}, "halt"), ("stop", {}, "stop"), ("quick_stop", {}, "quick_stop"),
+        ("reset", {}, "reset"), ("acknowledge", {}, "acknowledge"), ("note", {}, "note"),
+        ("brake_test", {}, "brake_test"), ("commission_begin", {}, "commission"), ("commission_step", {}, "commission"),
+        ("commission_end", {}, "commission"), ("arm", {"action": "brake_test"}, "brake_test"),
+        ("arm", {"action": "reset_locked"}, "reset_locked"), ("arm", {"action": "commission"}, "commission"),
+        ("set", {"tag": "speed_setting_deg_s"}, "set_speed"), ("set", {"tag": "increment_deg"}, "set_increment"),
+        ("set", {"tag": "override_percent"}, "set_override"),
+        ("set", {"tag": "acc_setting_deg_s2"}, "set_acceleration"),
+    ],
+)  # fmt: skip
+def test_every_message_asks_for_its_own_right(kind: str, values: dict[str, object], action: str) -> None:
+    assert action_of(Message(kind, 1, "", None, values)) == action
+
+
+def test_a_refusal_has_its_code_with_the_values_of_its_words() -> None:
+    refused = MessageRefused(Code.SEC_13, measured=171.0, limit=150.0)
+    reply = reply_to(7, refused, epoch=4, journal=9)
+    assert (reply["ok"], reply["code"], reply["epoch"], reply["journal"]) == (False, "SEC-13", 4, 9)
+    assert reply["values"] == {"measured": 171.0, "limit": 150.0}
+    assert "171" in reply["text"]
+
+
+def test_words_of_tags_stand_in_the_order_of_their_numbers() -> None:
+    assert BY_NAME["journal_state"].labels == tuple(state.name.lower() for state in JournalState)
+    assert BY_NAME["commissioning"].labels == ("none", "setting_up", "waiting", "running", "ending")
+    assert BY_NAME["armed_action"].labels == ("none", "brake_test", "reset_locked", "commission")
+    assert (BY_NAME["horn"].rate, BY_NAME["pos_act_deg"].unit, BY_NAME["vel_act_deg_s"].unit) == (
+        "20 Hz",
+        "deg",
+        "deg/s",
+    )
+    assert BY_NAME["acc_setting_deg_s2"].role == "physicist"
+    assert SCHEMAS["Person"]["properties"]["may"]["items"] == {"enum": list(Action)}
+    assert SCHEMAS["Person"]["properties"]["role"] == {"enum": list(Role)}

@@ -396,7 +396,9 @@ def test_failures_of_before_commissioning_do_not_count(monkeypatch: pytest.Monke
 def test_what_was_ended_is_followed_by_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Kept(monkeypatch).ran == ["first"]
     relief = Relief("commissioning", ["second"])
-    assert Kept(monkeypatch, 1.0, relief=lambda: relief).ran == ["first", "second"]
+    kept = Kept(monkeypatch, 1.0, relief=lambda: relief)
+    assert kept.ran == ["first", "second"]
+    assert kept.said == ["commissioning takes the place of the gateway"]
 
 
 @pytest.mark.parametrize(
