@@ -526,3 +526,22 @@ def test_buffers_come_from_the_system_unless_somebody_asks_for_another_pool(
     monkeypatch.setattr(freed_memory, "os", SimpleNamespace(environ=environment))
     freed_memory.keep_no_pool()
     assert environment == {"ARROW_DEFAULT_MEMORY_POOL": asked or "system"}
+
+
+def test_rows_whose_columns_nobody_has_told_yet_are_no_recording(tmp_path: Path) -> None:
+    """It begins with the rows behind them."""
+    memory = SharedMemory.create()
+    controller = RingRecorder(memory.rows, COLUMNS)
+    controller.number = 41
+    writer = TraceWriter(memory, tmp_path, lambda: PLENTY)
+    controller.record((0.0, 1.0))
+    writer.drain(at_once=True)
+    assert list(tmp_path.iterdir()) == []
+    publish_json(memory.columns, {"columns": COLUMNS, "metadata": {"period_s": PERIOD_S}})
+    controller.record((0.001, 2.0))
+    controller.stop()
+    writer.drain(at_once=True)
+    writer.join()
+    (file,) = tmp_path.iterdir()
+    assert read_trace(file)["x_rad"].tolist() == [2.0]
+    memory.close()

@@ -353,3 +353,17 @@ def test_the_mirrors_are_written_when_there_is_something_new(tmp_path: Path) -> 
             made.reflect()
     assert written == [*made.places.mirrors] * 2
     made.close()
+
+
+def test_a_log_that_cannot_be_settled_is_a_fault_of_the_journal(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+
+    def fails(_: str) -> None:
+        raise sqlite3.OperationalError("disk I/O error")
+
+    db, made._settled_s = made._db, float("-inf")
+    made._db = SimpleNamespace(execute=fails)  # type: ignore[assignment]
+    with pytest.raises(writer.JournalFault, match="disk I/O error"):
+        made.settle()
+    made._db = db
+    made.close()
