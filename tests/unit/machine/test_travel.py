@@ -5,6 +5,7 @@ import pytest
 from gantryctl.errors import ConfigError
 from gantryctl.machine import default_machine, with_values
 from gantryctl.machine.tables.axis import AxisTable
+from gantryctl.units import Dial
 
 MACHINE = default_machine()
 
@@ -28,6 +29,20 @@ def test_limits_stand_beside_their_end_of_travel(low_deg: float, high_deg: float
     away = (-7.0, -2.0, -0.5, 0.0, 0.0, 0.5, 2.0, 7.0)
     ends = (low_deg,) * 4 + (high_deg,) * 4
     assert limits(axis(low_deg, high_deg)) == tuple(end + by for end, by in zip(ends, away, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "shown"),
+    [
+        (-180.0, "180 (- end)"), (180.0, "180 (+ end)"), (-20.0, "340"), (0.0, "0"), (-0.004, "-0.004"),
+        (-0.01, "359.99"), (173.5, "173.5 (+ end)"), (172.5, "172.5"), (-172.5, "187.5"),
+    ],
+)  # fmt: skip
+def test_an_angle_within_0_to_360_names_its_end_of_travel_where_two_places_read_alike(
+    angle_deg: float, shown: str
+) -> None:
+    """Stops at +-187 deg: from 173 deg on, either way, the other end has the same reading. At rest 0 is not 360."""
+    assert Dial(0.0, (-187.0, 187.0)).text(angle_deg) == shown
 
 
 def test_a_given_limit_moves_no_other() -> None:

@@ -74,6 +74,13 @@ def test_a_gain_is_converted_by_the_unit_of_its_profile() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("unit", "after"), [("A/(rev/s)", 6.2832), ("uA s/rad", 1e6)])
+def test_a_gain_in_si_is_one_of_the_drive_in_its_own_unit(unit: str, after: float) -> None:
+    """1 A s/rad: of a turn a second, which is 6.28 rad/s, 6.28 A."""
+    (kp,) = planned_changes((reading("kp", unit, 2.0, real=True),), {"kp": 1.0}, {})
+    assert kp.after == pytest.approx(after, rel=1e-4)
+
+
 def test_an_integral_rate_gets_the_factor_that_gives_the_integral_gain() -> None:
     """ki = kp x rate: with kp doubled and ki tripled the rate goes up by 1.5."""
     found = reading("kp", "A/(rev/s)", 2.0, real=True), reading("ki", "Hz", 4.0, real=True)
