@@ -46,6 +46,47 @@ def test_the_torque_proof_shows_a_wrong_encoder_behind_the_closed_brake(
     assert_in_doubt(rig, 1e-4, Code.ENC_02 if gain == 0.0 else Code.ENC_12)
 
 
+def braced(scan_ms: float, holding_nm: float, brace_nm: float, gain: float = 1.0) -> PlantRig:
+    """A gantry whose two motors the drive braces against each other, with power asked for."""
+    second = {"plant.switches.second_pinion": True, "plant.second_pinion.preload_nm": brace_nm}
+    rig = PlantRig(machine_at(scan_ms, **second), 45.0, holding_nm=holding_nm)
+    rig.sim.encoder_gain = gain
+    rig.mark()
+    rig.say(power=True)
+    return rig
+
+
+BRACED = pytest.mark.parametrize(("holding_nm", "brace_nm"), [(12.0, 35.0), (-12.0, 35.0), (-12.0, -35.0)])
+
+
+@BRACED
+@AT_EVERY_SCAN_MS
+def test_the_proof_counts_from_where_two_motors_that_brace_each_other_have_turned_the_shaft(
+    scan_ms: float, holding_nm: float, brace_nm: float
+) -> None:
+    """Coming on they turn it by 29 counts against the closed brake, with the proof torque or against it."""
+    rig = braced(scan_ms, holding_nm, brace_nm)
+    rig.until(lambda: rig.phase is PowerPhase.PROVING, 0.1)
+    begun = rig.axis.feedback.counts
+    rig.run(0.010)
+    # Each motor has half of the 30 N m: 12 of the 25 counts; two for the load that winds up meanwhile.
+    assert (rig.axis.feedback.counts - begun) * holding_nm / 12.0 == pytest.approx(12.0, abs=3.0)
+    rig.run(0.5)
+    assert rig.phase is PowerPhase.ON, rig.texts
+
+
+@WRONG
+@BRACED
+@AT_EVERY_SCAN_MS
+def test_two_motors_that_brace_each_other_hide_no_wrong_encoder(
+    scan_ms: float, holding_nm: float, brace_nm: float, gain: float
+) -> None:
+    """The load that winds up behind the proof may turn a mirrored reading back: then it shows as the brake opens."""
+    rig = braced(scan_ms, holding_nm, brace_nm, gain)
+    rig.run(2.0)
+    assert_in_doubt(rig, STANDSTILL_DEG, *((Code.ENC_02,) if gain == 0.0 else (Code.ENC_12, Code.ENC_14)))
+
+
 @WRONG
 @MOMENTS
 @AT_EVERY_SCAN_MS

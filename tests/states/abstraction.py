@@ -263,13 +263,14 @@ RULES: Final[dict[type, Rules]] = {
         part="_hold_watch _ramp _rest _slip brake_test holding wear",
         # Of the proof only the twist has a state, and these settings do not judge it.
         clock="_pos_rad _torque_proof _twist",
-        fixed="_alarms _close_late_scans _close_scans _disabled_scans _disabling_scans _feedback _open_late_scans "
-        "_period_s _power_up_scans _sag_scans _settings _slip_scans _step_scans",
+        fixed="_alarms _braced_scans _close_late_scans _close_scans _disabled_scans _disabling_scans _feedback "
+        "_open_late_scans _period_s _power_up_scans _sag_scans _settings _slip_scans _step_scans",
         special={
             # Decided when ENABLING ends.
             "proof": lambda power, _: power.proof if power.phase in _PROVEN else None,
             # Behind the closed brake only a contact that is late and a watch of one scan are timed.
             "_count": lambda power, _: min(power._count, 3 if power.phase in _RESTING else _CAP),
+            "_enabled_scans": lambda power, _: min(power._enabled_scans, power._braced_scans),
             "_load_nm": _in_phases("_load_nm", PowerPhase.UNLOADING),
         },
     ),

@@ -399,6 +399,10 @@ class AxisOracle:
         unseen = self.known.of_feedback(self.ms) and self._told.unasked(self)
         if unseen and abs(way) <= self.bounds.way_deg(StopClass.FEEDBACK, 0.0) * self._deg:
             return
+        # Nor can a controller that stands still end it (a sign that turns at rest, seed 80431 of the pairs).
+        held = self.known.held
+        if held is not None and abs(way) <= self.held_way_deg(held.begun) * self._deg:
+            return
         state = "torque on" if self.energised else "torque off"
         state += ", brake open" if self.brake_open else ", brake closed"
         self.say("INV-2", f"moved {way / self._deg:.3f} deg without a reason ({state})")
