@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -194,3 +195,15 @@ def test_the_socket_is_there_while_the_service_is(tmp_path: Path) -> None:
         assert not path.exists()
 
     asyncio.run(once())
+
+
+@pytest.mark.parametrize(
+    ("uid", "role"), [(0, Role.SERVICE), (1000, Role.SERVICE), (1, Role.OPERATOR), (1001, Role.OPERATOR)]
+)
+def test_the_service_role_is_that_of_root_and_of_the_user_of_the_service(
+    monkeypatch: pytest.MonkeyPatch, uid: int, role: Role
+) -> None:
+    monkeypatch.setattr(local, "os", SimpleNamespace(getuid=lambda: 1000))
+    connection: Any = SimpleNamespace(getsockopt=lambda *_: struct.pack("3i", 77, uid, 5))
+    found = local.peer(connection)
+    assert (found[0], found[2]) == (uid, role)

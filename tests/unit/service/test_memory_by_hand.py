@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from datetime import datetime, tzinfo
 from types import SimpleNamespace
 from typing import Self
@@ -41,6 +42,7 @@ def test_every_area_is_one_of_its_own_for_all_processes() -> None:
     assert [getattr(reader, name).read() for name in locks] == [name.encode() for name in locks]
     assert [other.peek(9) for _, other in rings.values()] == [[name.encode()] for name in rings]
     assert [reader.words[word] for word in Word] == [1000 + word for word in Word]
+    assert len(Word) == len(Word.__members__)  # no word has two names: each has one writer
     writer.close()
 
 
@@ -161,4 +163,21 @@ def test_a_row_has_sixty_four_columns_at_most() -> None:
     assert (made.lost, len(memory.rows)) == (0, 1)
     with pytest.raises(UsageError, match="65 columns: the ring takes 64"):
         RingRecorder(memory.rows, [f"c{n}" for n in range(65)])
+    memory.close()
+
+
+def test_a_recording_ends_with_its_recorder_and_each_by_its_number() -> None:
+    memory = SharedMemory.create()
+    made = RingRecorder(memory.rows, ["time_s"])
+    made.number = 41
+    made.record((1.0,))
+    made.close()
+    made.record((2.0,))
+    made.end(40)
+    made.end(0)
+    assert memory.rows.peek(9) == [
+        struct.pack("<3d", 41, 0, 1.0),
+        struct.pack("<d", 41),
+        struct.pack("<d", 40),
+    ]
     memory.close()

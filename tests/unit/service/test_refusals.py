@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Client, Hub
+from gantryctl.service.memory import refusals
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.refusals import FIRST_S, LONGEST_S, RESERVE, ROW_S, RefusalLog
@@ -232,3 +233,19 @@ def test_a_flood_of_refused_commands_leaves_its_places_to_events_of_others() -> 
     of_wild = [row for row in rows if row["user"] == wild.user]
     assert len(of_wild) <= 4  # by cause: no control, no place in the queue
     assert counted(of_wild) == refused
+
+
+def test_causes_beyond_the_places_share_one_row_and_those_that_are_there_keep_theirs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two places; anna and ben have them."""
+    monkeypatch.setattr(refusals, "_CAUSES", 2)
+    events = ring(64)
+    log = RefusalLog(EventLog(events), lambda: 100.0)
+    for user in ("anna", "ben", "carl", "anna", "carl", "dora"):
+        who = Identity(user, user, Role.VIEWER, "console")
+        log.put_text(who, "command", "what", "move", NOT_YOURS)
+    log.close()
+    assert [(row["user"], row["values"].get("count", 1)) for row in taken(events)] == [
+        ("anna", 1), ("ben", 1), ("", 1), ("anna", 1), ("", 2)
+    ]  # fmt: skip

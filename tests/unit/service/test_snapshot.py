@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from gantryctl.service.command.frame_clock import FrameClock
 from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast, publish_json
 from gantryctl.service.protocol.frames import mark_of
@@ -70,3 +72,12 @@ def test_what_is_sent_on_change_has_changed_when_tags_or_alarms_have_whichever_c
             assert found | told == found
             assert reader.version == version
         assert found == {"machine": "b", "alarms": [], "alarm_history": [1]}
+
+
+def test_what_changes_rarely_holds_no_number_that_is_none_either() -> None:
+    """JSON has no word for it: no client could read the tags any more."""
+    with shared_memory() as memory:
+        publish_json(memory.slow, {"increment_deg": 1.0})
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            publish_json(memory.slow, {"increment_deg": math.nan})
+        assert Snapshot(memory).slow()["increment_deg"] == 1.0

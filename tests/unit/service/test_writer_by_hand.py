@@ -367,3 +367,14 @@ def test_a_log_that_cannot_be_settled_is_a_fault_of_the_journal(tmp_path: Path) 
         made.settle()
     made._db = db
     made.close()
+
+
+def test_without_mirrors_the_head_of_the_file_says_what_is_missing_at_its_end(tmp_path: Path) -> None:
+    """The last two of five were taken out."""
+    filled(tmp_path, 5).close()
+    path = tmp_path / "journal.sqlite"
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("DELETE FROM events WHERE seq > 3")
+    found = verify_file(path, None)
+    assert [(span.first, span.last) for span in found.missing] == [(4, 5)]
+    assert found.wrong == "the end is missing: 3 rows, 5 were written"
