@@ -95,3 +95,10 @@ def test_a_certificate_expires_until_its_end_and_has_expired_from_then_on(
     file = certificate(tmp_path / "some.pem", NOW - timedelta(days=9), NOW)
     (line,) = CertificateWatch().due([file], NOW + timedelta(seconds=after_s))
     assert words in line
+
+
+def test_a_certificate_that_is_gone_is_told_as_one_that_ends(tmp_path: Path) -> None:
+    file = tmp_path / "some.pem"
+    with pytest.raises(UsageError, match=r"some\.pem: No such file or directory"):
+        validity(file)
+    assert CertificateWatch().due([file], NOW) == [f"SEC-11 {file}: No such file or directory"]

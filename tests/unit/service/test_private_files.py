@@ -74,3 +74,20 @@ def test_every_secret_of_a_service_is_looked_at(tmp_path: Path) -> None:
     always = [root / "users.json", directory / "opcua" / "key.pem", places_of(directory).key]
     assert private_files(root, directory, None) == always
     assert private_files(root, directory, tmp_path / "tls.pem") == [*always, tmp_path / "tls.pem"]
+
+
+def test_a_secret_of_the_user_of_the_service_is_for_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A group may read that of root alone."""
+    if os.geteuid() != 0:
+        pytest.skip("only root gives files away")
+    file = tmp_path / "key.pem"
+    file.write_text("secret")
+    os.chown(file, STRANGER, -1)
+    monkeypatch.setattr(os, "geteuid", lambda: STRANGER)
+    found = []
+    for mode in (0o600, 0o601, 0o610, 0o640, 0o604):
+        file.chmod(mode)
+        found.append(exposed(file) == "")
+    assert found == [True, False, False, False, False]

@@ -17,6 +17,19 @@ from gantryctl.service.supervisor.users import FILE, PASSWORD_MAX, User, Users, 
 PASSWORD = "correct horse battery"
 
 
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> list[User]:
+    """Keys that cost no time; for which users one was made."""
+    asked: list[User] = []
+
+    def key(password: str, user: User) -> bytes:
+        asked.append(user)
+        return hashlib.sha256(f"{user.salt} {password}".encode()).digest()
+
+    monkeypatch.setattr(module, "_key", key)
+    return asked
+
+
 def test_the_right_password_of_the_right_user_and_no_other(tmp_path: Path) -> None:
     users = Users(tmp_path)
     users.add("anna", Role.OPERATOR, PASSWORD)
@@ -55,7 +68,7 @@ def test_a_password_is_long_enough(tmp_path: Path, password: str) -> None:
         Users(tmp_path).add("anna", Role.VIEWER, password)
 
 
-def test_an_account_is_its_own_person_unless_another_one_is_named(tmp_path: Path) -> None:
+def test_an_account_is_its_own_person_unless_another_one_is_named(tmp_path: Path, quick: list[User]) -> None:
     users = Users(tmp_path)
     users.add("anna", Role.OPERATOR, PASSWORD)
     users.add("anna.service", Role.SERVICE, PASSWORD, "anna")
@@ -73,7 +86,9 @@ def test_an_account_is_its_own_person_unless_another_one_is_named(tmp_path: Path
         users.set_person("carl", "anna")
 
 
-def test_a_file_without_persons_is_read_and_a_damaged_person_is_not(tmp_path: Path) -> None:
+def test_a_file_without_persons_is_read_and_a_damaged_person_is_not(
+    tmp_path: Path, quick: list[User]
+) -> None:
     users = Users(tmp_path)
     users.add("anna", Role.OPERATOR, PASSWORD)
     found = json.loads(users.path.read_text(encoding="utf-8"))
@@ -88,7 +103,7 @@ def test_a_file_without_persons_is_read_and_a_damaged_person_is_not(tmp_path: Pa
         assert users.person("anna") == ""
 
 
-def test_unknown_users_and_twins_are_refused(tmp_path: Path) -> None:
+def test_unknown_users_and_twins_are_refused(tmp_path: Path, quick: list[User]) -> None:
     users = Users(tmp_path)
     users.add("anna", Role.VIEWER, PASSWORD)
     for wrong in (lambda: users.add("anna", Role.ADMIN, PASSWORD), lambda: users.remove("ben"),
@@ -105,7 +120,7 @@ def test_a_damaged_file_lets_nobody_in_and_is_not_overwritten(tmp_path: Path, da
     assert (tmp_path / FILE).read_text(encoding="utf-8") == damage
 
 
-def test_a_role_that_does_not_exist_is_damage(tmp_path: Path) -> None:
+def test_a_role_that_does_not_exist_is_damage(tmp_path: Path, quick: list[User]) -> None:
     users = Users(tmp_path)
     users.add("anna", Role.VIEWER, PASSWORD)
     found = json.loads(users.path.read_text(encoding="utf-8"))
@@ -113,19 +128,6 @@ def test_a_role_that_does_not_exist_is_damage(tmp_path: Path) -> None:
     users.path.write_text(json.dumps(found), encoding="utf-8")
     with pytest.raises(StateError):
         users.check("anna", PASSWORD)
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> list[User]:
-    """Keys that cost no time; for which users one was made."""
-    asked: list[User] = []
-
-    def key(password: str, user: User) -> bytes:
-        asked.append(user)
-        return hashlib.sha256(f"{user.salt} {password}".encode()).digest()
-
-    monkeypatch.setattr(module, "_key", key)
-    return asked
 
 
 def test_a_password_of_twelve_characters_is_one_and_the_name_is_none(
