@@ -146,7 +146,8 @@ def test_a_record_is_asked_of_a_real_drive_that_is_not_being_commissioned(
     """Nothing of the drive is lacking; without a directory there is no run that could have left a record."""
     monkeypatch.setattr(proofs, "ledger_of", lambda *_: ())
     store: Any = SimpleNamespace(directory=tmp_path) if kept else None
-    found = proofs.bus_reasons(machine, store, Drive(), commissioning=commissioning)  # type: ignore[arg-type]
+    options = {"commissioning": True} if commissioning else {}
+    found = proofs.bus_reasons(machine, store, Drive(), **options)  # type: ignore[arg-type]
     assert [reason.code for reason in found] == codes
 
 

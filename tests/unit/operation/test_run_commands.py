@@ -14,10 +14,11 @@ from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.image import Direction, InputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation import run as run_module
-from gantryctl.operation.client import Ending, Snapshot, Stop
+from gantryctl.operation.client import Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.program import Code, GantryProgram
 from gantryctl.program.alarms.words import Words
+from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg
 from support.modulo_machine import modulo_machine
 
@@ -75,6 +76,31 @@ def test_power_ups_and_moves_of_a_run_are_kept_each_for_itself() -> None:
     assert before is not None
     assert after is not None
     assert (after.power_ups - before.power_ups, after.moves - before.moves) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("at_rest", "not_in_position", "text"),
+    [(True, False, "done"), (True, True, "not in position"), (False, False, "not in position")],
+)
+def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: bool, text: str) -> None:
+    """A motion that goes on beyond its time is not done, though no window is left yet."""
+    run: Any = object.__new__(AxisRun)
+    run._memory, run._scans = (
+        SimpleNamespace(moves=0),
+        SimpleNamespace(until=lambda *_, lease: None, stop=Stop.NO),
+    )
+    run.engine, run.operator = SimpleNamespace(time_s=7.0, scan=0), FixedOperator()
+    run._open = SimpleNamespace(reading=SimpleNamespace(angle_deg=5.0))
+    run.axis = SimpleNamespace(
+        plan_end_s=6.0,
+        at_rest=at_rest,
+        alarms=SimpleNamespace(first_out=None, blocking=lambda: None),
+        monitors=SimpleNamespace(not_in_position=not_in_position),
+        settings=SimpleNamespace(travel=SimpleNamespace(endless=False)),
+    )
+    report = run._finished(MotionReport(Ending.STOPPED, 0.0, 0.0, 1.0, 1.0))
+    assert (report.text, report.end_deg, report.to_s, report.settled_s) == (text, 5.0, 7.0, 1.0)
+    assert run._memory.moves == 1
 
 
 @pytest.mark.parametrize("at_rest", [False, True])

@@ -285,7 +285,14 @@ def test_any_drive_gets_telegrams_that_fit(present: frozenset[m.Signal], by_60fe
 
 @pytest.mark.parametrize(
     ("period_us", "pair"),
-    [(1000, (1, -3)), (4000, (4, -3)), (10_000, (10, -3)), (2500, (25, -4)), (250, (25, -5))],
+    [
+        (1000, (1, -3)),
+        (4000, (4, -3)),
+        (10_000, (10, -3)),
+        (2500, (25, -4)),
+        (250, (25, -5)),
+        (125, (125, -6)),
+    ],
 )
 def test_the_sync_period_as_60c2(period_us: int, pair: tuple[int, int]) -> None:
     assert interpolation(period_us) == pair

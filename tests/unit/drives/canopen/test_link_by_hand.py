@@ -152,15 +152,15 @@ def test_only_a_sync_that_comes_back_was_sent() -> None:
 
 
 def test_bits_of_frames_sent_and_received() -> None:
-    """47 bits without data (ISO 11898-1, without stuff bits): 8 bytes 111, 2 bytes 63, and 47 of another format."""
-    link = BusLink(Scripted(message(0x182, b"ab"), message(0x12345, is_extended_id=True)))
+    """47 bits without data (ISO 11898-1, without stuff bits): 8 bytes 111, 2 bytes 63, 3 of another format 71."""
+    link = BusLink(Scripted(message(0x182, b"ab"), message(0x12345, b"abc", is_extended_id=True)))
     link.send(0x202, bytes(8))
     assert link.traffic.bits == 111
     for _ in range(2):
         link.receive(0.0)
-    assert link.traffic == (111 + 63 + 47, 0)
+    assert link.traffic == (111 + 63 + 71, 0)
     link.close()
-    assert link.traffic == (111 + 63 + 47, 0)
+    assert link.traffic == (111 + 63 + 71, 0)
 
 
 class Interface:

@@ -14,6 +14,7 @@ from gantryctl.drives.canopen.bus.link import Frame
 from gantryctl.drives.canopen.bus.node import NmtState, connection_flags
 from gantryctl.drives.canopen.bus.requests import SdoRequests
 from gantryctl.drives.canopen.bus.sdo import SdoError
+from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.nodes.neighbours import Neighbours
 from gantryctl.drives.canopen.nodes.outputs import OutputWriter
 from gantryctl.drives.canopen.process_image import ProcessImage
@@ -21,6 +22,7 @@ from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import LoadEncoderSettings, OutputBits
 from gantryctl.drives.canopen.setup import opening
 from gantryctl.drives.canopen.setup.gains import GainChange, write_gains
+from gantryctl.drives.canopen.setup.parameter_check import WantedParameter, write_parameters
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
@@ -368,3 +370,82 @@ def test_a_gain_that_is_kept_otherwise_gets_its_old_value_again() -> None:
     with pytest.raises(DeviceError, match="holds 15000"):
         write_gains(node, changes, 524_288)
     assert set(held.values()) == {10_000}
+
+
+# --- what waits, and what is counted ----------------------------------------------------------------------------------
+
+
+def test_a_second_loss_has_its_3_s_whole() -> None:
+    """The first one was asked until the end; then the drive takes process data, and is lost again."""
+    drive = Stop()
+    drive.scan(0x00, scans=800, answers=False)
+    asked = len(drive.asked.writes)
+    drive.scan(0x00, scans=10, answers=False)
+    assert len(drive.asked.writes) == asked
+    drive.stop.forget()
+    drive.scan(0x00, answers=False)
+    assert len(drive.asked.writes) == asked + 1
+
+
+@pytest.mark.parametrize(
+    ("stepped", "silence", "down", "flags", "waits_s"),
+    [
+        (False, 5, True, LinkFlag.NOT_OPERATIONAL, 3.0), (True, 0, False, LinkFlag.NONE, 3.0),
+        (True, 1, False, LinkFlag.NONE, 0.1), (True, 0, True, LinkFlag.NONE, 0.0),
+        (True, 0, False, LinkFlag.NOT_OPERATIONAL, 0.0),
+    ],
+)  # fmt: skip
+def test_no_scan_waits_long_for_a_drive_that_cannot_answer(
+    stepped: bool, silence: int, down: bool, flags: LinkFlag, waits_s: float
+) -> None:
+    """A stepped drive is waited for by 3 s here: its process may be held up, but not in every scan."""
+    drive: Any = SimpleNamespace(
+        link=SimpleNamespace(stepped=stepped, down=down),
+        settings=SimpleNamespace(answer_s=3.0),
+        process=SimpleNamespace(silence=silence),
+        _flags=flags,
+    )
+    assert CanopenDrive._patience_s.fget(drive) == waits_s  # type: ignore[attr-defined]
+
+
+def test_a_drive_of_one_telegram_has_inputs_as_old_as_its_status() -> None:
+    bus = Telegrams(frozenset((m.TORQUE,)))
+    bus.sync((0x182, "37 12 00 00 08 00 9C FF"))
+    assert bus.image.inputs_age == 0
+    bus.sync()
+    assert bus.image.inputs_age == 1
+
+
+def test_a_telegram_behind_frames_that_could_not_be_read_is_counted_as_late() -> None:
+    bus = Telegrams()
+    bus.sync(*BOTH)
+    bus.image.congested = True
+    late = bus.image.watches[0].late
+    bus.node.dispatch(Frame(TPDO_1, bytes.fromhex("37 12 00 00 08 00 9C FF")))
+    assert bus.image.watches[0].late == late + 1
+
+
+def test_behind_a_silence_the_program_begins_anew() -> None:
+    """Boot-ups and contradictions of the silence are none of its own."""
+    bench = Bench().open().enable()
+    bench.drive.resume()
+    assert not bench.drive.commanded
+    bench.scan(R.DISABLE)
+    assert bench.drive.commanded
+
+
+@pytest.mark.parametrize(
+    ("code", "takes_none"),
+    [
+        (0x0601_0002, True), (0x0601_0000, True), (0x0609_0030, True), (0x0609_0031, True), (0x0609_0032, True),
+        (0x0800_0022, False), (0x0800_0021, False),
+    ],
+)  # fmt: skip
+def test_a_value_that_is_never_taken_is_told_from_one_that_is_not_taken_now(
+    code: int, takes_none: bool
+) -> None:
+    """CiA 301: cannot be written, access, range, too high, too low; in its present state, under local control."""
+    sdo = Dictionary({(0x6085, 0): 5})
+    sdo.refused[0x6085, 0] = code
+    refused, codes = write_parameters(sdo, [WantedParameter(0x6085, 0, 7, "x")])  # type: ignore[arg-type]
+    assert (refused, codes) == (frozenset({(0x6085, 0)} if takes_none else ()), {"6085:00": code})
