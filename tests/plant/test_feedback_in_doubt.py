@@ -166,18 +166,37 @@ def test_a_sign_that_turns_at_the_end_of_a_quick_stop(speed: float, share: float
     assert not rig.axis.feedback.position_valid, rig.texts
 
 
-@pytest.mark.parametrize("speed", [1.0, 6.0])
-def test_a_quick_stop_with_little_torque_is_no_wrong_sign(speed: float) -> None:
-    """The load swings the shaft against the 40 N m that are left."""
-    rig = PlantRig(machine_at(4.0, CHECK_NM), -60.0)
+@pytest.mark.parametrize(
+    ("scan_ms", "speed", "torque"), [(4.0, 1.0, 0.1), (4.0, 6.0, 0.1), (10.0, 3.0, 0.02)]
+)
+def test_a_quick_stop_with_little_torque_is_no_wrong_sign(
+    scan_ms: float, speed: float, torque: float
+) -> None:
+    """The load swings the shaft against what is left; the gear untwists, 0.36 deg/s in 10 ms with 8 N m (ENC-14)."""
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), -60.0)
     rig.cruise(speed)
     rig.say(quick_stop=True)
     rig.run(0.3 * speed / 5.4)
-    rig.drive.faults.torque_limit_share = 0.1
+    rig.drive.faults.torque_limit_share = torque
     rig.run(3.0)
     assert rig.first_alarm is not None
     assert Code.DRV_07 in {alarm.code for alarm in rig.first_alarm.consequences}
     assert rig.axis.feedback.position_valid, rig.texts
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.5, -1.0])
+def test_an_encoder_that_is_spoilt_while_the_gear_untwists_is_told(gain: float) -> None:
+    """20 ms after the torque has fallen; the drive answers the change by torque, whatever is left of it."""
+    rig = PlantRig(machine_at(10.0), -60.0)
+    rig.cruise(6.0)
+    rig.say(quick_stop=True)
+    rig.run(0.1)
+    rig.drive.faults.torque_limit_share = 0.02
+    rig.run(0.02)
+    assert not rig.axis.feedback.in_doubt
+    rig.faults.encoder_gain = gain
+    rig.run(0.03)
+    assert rig.axis.feedback.in_doubt
 
 
 @pytest.mark.parametrize("speed", SPEEDS)

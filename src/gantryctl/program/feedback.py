@@ -68,6 +68,8 @@ _BRAKE_DEC_SHARE: Final = 0.5
 # stops (150 of them over the bus; 16 and 50 kN m, plants within 20 %, up to 6 deg/s, on ramps, in cruise and in quick
 # stops, 1, 4 and 10 ms) took at most 39 % of the limit. A change of less than 0.2 deg/s in a scan is not looked at.
 _SWINGS_SHARE: Final = 0.4
+# A twisted gear turns the shaft for so long after the torque has gone.
+_UNTWISTS_S: Final = 0.030
 
 _LATE_SCANS: Final = 5
 # Steps of the position that are compared with each other when it begins to stand.
@@ -100,8 +102,9 @@ class Feedback:
         "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
         "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
         "_ratio", "_rest", "_rest_rad_s", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step",
-        "_step_before", "_swing_nm", "_torque_left_nm", "_turn_base", "_turn_per_torque", "_turn_scan",
-        "_turn_vel", "_uneven_scan", "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact",
+        "_step_before", "_swing_nm", "_torque_left_nm", "_torque_twist_nm", "_turn_base", "_turn_per_torque",
+        "_turn_scan", "_turn_vel", "_twist_share", "_uneven_scan", "_vel_before", "_vel_max", "_was_energised",
+        "age", "brake_contact",
         "brake_open", "counts", "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload",
         "periods", "pos_ring_rad", "read_rad", "state", "state_old", "torque_limited", "torque_nm",
         "unchanged_scans", "vel_rad_s", "warning",
@@ -112,8 +115,7 @@ class Feedback:
         self._alarms = alarms
         self._error_texts = settings.error_texts
         self.read_rad = settings.travel.read_rad
-        self._period_s = period_s
-        self._rest_rad_s = settings.speed.rest_rad_s
+        self._period_s, self._rest_rad_s = period_s, settings.speed.rest_rad_s
         self._ratio = law.ratio
         self._counts_per_rad = law.counts_per_turn * law.ratio / (2.0 * math.pi)
         self._jump_per_speed = period_s * self._counts_per_rad
@@ -142,6 +144,8 @@ class Feedback:
         self._turn_per_torque = 0.5 * self._change_per_torque
         self._turn_base = 0.0 if monitors.encoder_shows_twist else self._change_base
         self._swing_nm = _SWINGS_SHARE * settings.power.torque_max_nm
+        # The torque by which the gear is still twisted, of the scans before this one.
+        self._twist_share, self._torque_twist_nm = min(1.0, period_s / _UNTWISTS_S), 0.0
         self._frozen_speed = monitors.encoder_frozen_speed_rad_s
         by_brake = _BRAKE_DEC_SHARE * monitors.speed_change_max_rad_s2
         by_drive = by_brake if by_brake == math.inf else _QUICK_DEC_FACTOR * settings.ramps.quick_dec_rad_s2
@@ -189,6 +193,7 @@ class Feedback:
     def scan(self, drive: DriveFeedback, vel_cmd_rad_s: float) -> None:
         """Take the reading of this scan; `vel_cmd_rad_s` is the speed command of the last scan, motor side."""
         state_before, torque_before_nm = self.state, self.torque_nm
+        self._torque_twist_nm += self._twist_share * (torque_before_nm - self._torque_twist_nm)
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
         ) = drive[:_CHANGING]  # fmt: skip
@@ -428,9 +433,16 @@ class Feedback:
             and self.state in ENABLED
             and self.brake_open
         ):
-            # The torque of now, or of before, that acts in the direction of the change. A coupling that slips, or an
-            # encoder that freezes, changes the speed against the torque that answers it.
-            torque_nm = max(0.0, math.copysign(1.0, change) * self.torque_nm)
+            # The torque of now that acts in the direction of the change, and what has just gone of one against it: the
+            # gear that it had twisted turns the shaft (a limit that falls in a quick stop, 0.36 deg/s in 10 ms). A
+            # coupling that slips, or an encoder that freezes, changes the speed against the torque that answers it,
+            # and that grows.
+            sign = math.copysign(1.0, change)
+            # One that was absurd, or no number, has twisted nothing.
+            if not abs(self._torque_twist_nm) <= self._swing_nm / _SWINGS_SHARE:
+                self._torque_twist_nm = 0.0
+            now_nm = sign * self.torque_nm
+            torque_nm = max(0.0, now_nm) + max(0.0, min(now_nm, 0.0) - sign * self._torque_twist_nm)
             limit = min(limit, self._change_max * scans + self._change_per_torque * torque_nm * scans)
         # The axis may turn in the first scan: nothing to compare with.
         if abs(change) > limit and not math.isnan(self.counts):

@@ -135,6 +135,28 @@ def test_a_speed_cannot_change_by_more_than_the_ramp_or_torque_and_brake_make(
 
 
 @BOTH
+@pytest.mark.parametrize(("period_s", "by_drive"), [(0.004, 0.222), (0.010, 0.255)])
+@pytest.mark.parametrize(
+    ("before_nm", "now_nm", "explains_nm"),
+    [
+        # Of a torque against the change what has gone of it, since the gear was twisted by it.
+        (-100.0, -20.0, 80.0), (-100.0, 50.0, 150.0), (-20.0, -100.0, 0.0), (100.0, 20.0, 20.0),
+        # No drive has so much.
+        (-1e9, 0.0, 0.0), (-math.inf, 0.0, 0.0), (math.nan, 0.0, 0.0),
+    ],
+)  # fmt: skip
+def test_a_gear_that_untwists_changes_the_speed(period_s, by_drive, before_nm, now_nm, explains_nm, way):
+    """A limit that falls in a quick stop of a sound axis: 0.36 deg/s in 10 ms. 0.08 deg/s2 for each N m."""
+    most = by_drive + 0.08 * explains_nm * period_s
+    for share, wrong in ((0.98, False), (1.02, True)):
+        encoder = Encoder(period_s, 3.0, monitors=ROTOR)
+        for _ in range(100):
+            encoder.scan(torque_act_nm=way * before_nm)
+        encoder.scan(speed_deg_s=3.0 + way * share * most, torque_act_nm=way * now_nm)
+        assert ("ENC-14" in encoder.codes) is wrong, share
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(("speed_deg_s", "wrong"), [(20.9, False), (21.1, True)])
 def test_twice_the_highest_speed_of_the_motor_is_no_reading(period_s, way, speed_deg_s, wrong):
