@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import struct
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from gantryctl.drives.virtual.node import DriveNode
-from gantryctl.engineering.fault_campaign.judging.effects import effect_of
 from gantryctl.engineering.fault_campaign.judging.judge import Judge
+from gantryctl.engineering.fault_campaign.judging.tell import load_share, plant_of, tell
 from gantryctl.engineering.fault_campaign.machines import KEEPS_RAMPS_DEG_S, machine_of
 from gantryctl.engineering.fault_campaign.person import changes_of
 from gantryctl.engineering.fault_campaign.scenario import Action, Scenario
 from gantryctl.engineering.faults.bench import FaultBench, FaultLog
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.injection import Injection
-from gantryctl.engineering.faults.kinds.kind import Place
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.excused import EXCUSED
 from gantryctl.engineering.faults.oracle.limits import reference_bounds
@@ -106,9 +103,7 @@ class _Run:
 
     def go(self, record: bool) -> None:
         bench, scenario = self._bench, self._scenario
-        device = bench.device
-        # A drive alone has no controller yet; the oracle knows it by its plant.
-        plant = device.plant if isinstance(device, DriveNode) else device
+        device, plant = bench.device, plant_of(bench)
         bench.injected = self._injected
         bench.command(mode=Mode.CONTINUOUS)
         bench.inject(tuple(each for fault in scenario.faults for each in fault.injections()))
@@ -142,7 +137,7 @@ class _Run:
                 judge.scan(pos, vel_true)
                 watched = self._axis
                 if watched is not None and watched.known.load_share is not None and not self._unholdable:
-                    self._unholdable = self._load_share(pos) > _HOLDABLE_SHARE
+                    self._unholdable = load_share(bench, pos) > _HOLDABLE_SHARE
                 if len(axis.alarms.history) != self._alarms:
                     self._tell_alarms()
         except GantryctlError as stop:
@@ -158,43 +153,8 @@ class _Run:
         bench = self._bench
         self._played.events.append(Event(bench.time_s, f"fault: {each.text}"))
         self._judge.injected(each)
-        axis, effect = self._axis, effect_of(each)
-        if axis is None:
-            return
-        known, now = axis.known, axis.now()
-        if each.kind == "slow":
-            known.brake_late_s = each.values["late_s"]
-        if (each.where, each.kind) == (Place.BRAKE, "torque"):
-            known.brake_share = each.values["share"]
-        if each.kind == "outputs_dead" or (each.kind == "silent" and each.values["which"] == "io"):
-            # The brake that it works falls with the watchdog relay, which waits for an edge that does not come.
-            known.brake_late_s = max(known.brake_late_s, bench.machine.can.watchdog_ms * 1e-3)
-        if each.kind == "readings_late":
-            known.reading_late_s = each.values["late_s"]
-        if each.kind == "contact":
-            known.contact_lies = each.values["open"]
-        if each.kind == "load_shift":
-            known.load_share = self._load_share
-        if each.kind == "stall":
-            known.hold(now, each.values["late_s"])
-        if each.kind in ("drive_silent", "rpdo_lost"):
-            # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
-            known.hold(now, bench.machine.can.watchdog_ms * 1e-3)
-        known.inject(
-            now,
-            feedback=effect.feedback,
-            at_once=effect.at_once,
-            no_ramp=effect.no_ramp,
-            late_s=effect.late_s,
-        )
-
-    def _load_share(self, motor_rad: float) -> float:
-        """What the eccentric load asks for at a motor angle, in parts of what the brake has."""
-        target, machine = self._bench.target, self._bench.machine
-        ratio = machine.axis.ratio
-        lever = math.sin(motor_rad / ratio - math.radians(machine.plant.load.eccentric_angle_deg))
-        moment_nm = target.plant_value("eccentric_moment_nm") * lever / ratio
-        return abs(moment_nm) / target.plant_value("brake_torque_nm")
+        if self._axis is not None:
+            tell(self._axis, each, bench)
 
     def _tell_alarms(self) -> None:
         history = list(self._bench.axis.alarms.history)

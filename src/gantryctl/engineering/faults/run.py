@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +18,7 @@ from gantryctl.engineering.faults.bench import (
     way_to_cruise_deg,
 )
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
-from gantryctl.engineering.faults.injection import finite
+from gantryctl.engineering.faults.injection import Injection, finite
 from gantryctl.engineering.faults.limits import limit_deg, reaction_of
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
@@ -193,7 +195,7 @@ def fault_machine(
     return with_values(machine, values)
 
 
-def run_fault(
+def run_fault(  # noqa: PLR0913 - conditions of a run, each by its name
     case: FaultCase,
     speed_deg_s: float | None = None,
     angle_deg: float | None = None,
@@ -204,6 +206,7 @@ def run_fault(
     eccentric_knm: float | None = None,
     machine: Machine | None = None,
     beside: bool = False,
+    injected: Callable[[FaultBench, Injection], None] | None = None,
 ) -> FaultResult:
     """Run one case in virtual time, on the engine and the program of the product.
 
@@ -212,6 +215,7 @@ def run_fault(
         kind: the simulated drive in process, or the virtual drive behind a bus.
         machine: the reference gantry when not given.
         beside: with the nodes beside its drive, also for a case that is of none of them.
+        injected: called with the bench before each injection acts.
 
     Raises:
         UsageError: the case is not for this drive, or the sound axis does not reach the phase.
@@ -236,6 +240,8 @@ def run_fault(
     axis = built.axis
     angle_deg = finite(angle_deg, "angle in deg", axis.pos_min_deg, axis.pos_max_deg)
     bench = FaultBench(built, case.phase, speed_deg_s, angle_deg)
+    if injected is not None:
+        bench.injected = partial(injected, bench)
     try:
         bench.reach()
         before = _Before(len(bench.axis.alarms.history), bench.axis.refusal_count)
