@@ -87,13 +87,19 @@ LOAD_MOVES: Final = frozenset({Code.BRK_03, Code.BRK_04, Code.BRK_11, Code.BRK_1
 
 
 def nothing_holds(cases: Sequence[FaultCase]) -> bool:
-    """Faults together leave nothing that could hold the load: a brake without torque, and another takes the drive's.
+    """Faults together leave nothing that could hold the load: a brake without torque, and another takes the drive's,
+    or lets the controller stand still, which alone could give it back (seed 90374 of the pairs).
 
     Then the axis can keep no way, and must tell people (rows A20 and B13 are of this kind by themselves); that the load
     moves nobody can know where the reading stands whatever it does.
     """
     weak = [case for case in cases if any(_without_brake(each) for each in case.injections)]
-    return bool(weak) and any(case.reaction in _TAKES_TORQUE for case in cases if case not in weak)
+    others = [case for case in cases if case not in weak]
+    return bool(weak) and any(case.reaction in _TAKES_TORQUE or _stands_still(case) for case in others)
+
+
+def _stands_still(case: FaultCase) -> bool:
+    return any((each.where, each.kind) == (Place.CLOCK, "stall") for each in case.injections)
 
 
 def driven_on(cases: Sequence[FaultCase]) -> bool:

@@ -52,7 +52,7 @@ class Judge:
         # Which row each injection belongs to: equal injections of two rows act for both.
         self._rows = [(each, fault) for fault in scenario.faults for each in fault.injections()]
         self._quick_stop_asked = any(action.do == "quick_stop" for action in scenario.actions)
-        self._told_of_load = self._told_of_torque = False
+        self._told_of_load = self._told_of_torque = self._told_of_lost_drive = False
         self._begun: list[PlannedFault] = []
         self._way: Way | None = None
         self._ways: list[Way] = []
@@ -109,6 +109,7 @@ class Judge:
         """An alarm has come."""
         self._told_of_load = self._told_of_load or alarm.code in LOAD_MOVES
         self._told_of_torque = self._told_of_torque or alarm.code is Code.DRV_03
+        self._told_of_lost_drive = self._told_of_lost_drive or alarm.code is Code.CAN_13
         stops = alarm.reaction >= Reaction.QUICK_STOP
         if stops and alarm.follows is None:
             self.stops.append(alarm.code.value)
@@ -120,11 +121,15 @@ class Judge:
 
     @property
     def nothing_holds(self) -> bool:
-        """Nothing is left that could hold the load, and people have been told, or the reading cannot show it."""
+        """Nothing is left that could hold the load, and people have been told, or the reading cannot show it.
+
+        Of a drive that has left the bus no reading counts before a reset.
+        """
         can = self._bench.machine.can
         relay = any(can.output_place(name) for name in ("watchdog", "drive_enable"))
         driven = self._told_of_torque and not relay and driven_on(self._cases)
-        return driven or ((self._told_of_load or self.blind) and nothing_holds(self._cases))
+        told = self._told_of_load or self._told_of_lost_drive
+        return driven or ((told or self.blind) and nothing_holds(self._cases))
 
     @property
     def blind(self) -> bool:
