@@ -9,6 +9,7 @@ import pytest
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.engineering.fault_campaign.draw import pair_scenario
+from gantryctl.engineering.fault_campaign.judging.effects import may_come_first
 from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.fault_campaign.scenario import Action, PlannedFault, Scenario
@@ -209,3 +210,9 @@ def test_a_load_that_motor_and_brake_hold_excuses_nothing(
     assert play(scene).ok
     plant(monkeypatch)
     assert invariant in {each.invariant for each in play(scene).violations}
+
+
+@pytest.mark.parametrize(("row", "may"), [("C3", True), ("C11", False), ("C5", False)])
+def test_only_a_brake_without_torque_lets_the_motor_give_more_than_the_proof(row: str, may: bool) -> None:
+    """A brake that is late, or that stays closed, holds the load while the torque is proven."""
+    assert may_come_first(Code.DRV_14, fault_case(row)) is may

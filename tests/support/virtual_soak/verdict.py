@@ -11,8 +11,8 @@ from support.virtual_soak.desk import POLICY
 
 SLOPE_MAX_MB: Final = 1.0
 """Of memory, in 1,000 h of machine time."""
-WARM_UP_DAYS: Final = 10
-"""Caches and pools fill: not judged. From 40.1 to 44.7 MB, flat behind the tenth day; the journal is full then."""
+WARM_UP_DAYS: Final = 1
+"""Caches and pools fill: not judged."""
 _DAYS_LEAST: Final = 10
 DRIFT_MAX_COUNTS: Final = 0.5
 """Half a count of the absolute encoder: rounded, none. Errors within a signal period and a turn are below 0.2."""

@@ -159,8 +159,7 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
         Code.BRK_06,
         Code.BRK_07,
     ),
-    # A load that hangs on the motor alone takes more torque than the proof asks for (seed 70322).
-    Place.BRAKE: ("BRK-", Code.DRV_14, *_CONTROL),
+    Place.BRAKE: ("BRK-", *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
     # A channel that is wired to the drive alone shows as a power stage without its supply: it leaves Operation
     # enabled, and stays in Ready to switch on.
@@ -187,6 +186,9 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
 def may_come_first(code: Code, case: FaultCase) -> bool:
     """An alarm of this code may be the first because of a row of the catalogue."""
     if code in case.codes or code is case.also or any(each.code is code for each in case.instead):
+        return True
+    # A load that hangs on the motor alone takes more torque than the proof asks for (seed 70322).
+    if code is Code.DRV_14 and any(_without_brake(each) for each in case.injections):
         return True
     families = {family for each in case.injections for family in _FAMILIES[each.where]}
     return code.value.startswith(tuple(families))
