@@ -7,7 +7,7 @@ import pytest
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.machine.rules.parts import rigid_inertia_kg_m2, torque_motors
-from gantryctl.machine.rules.reaction import silent_speed_max_deg_s, silent_way_deg
+from gantryctl.machine.rules.reaction import driven_acc_deg_s2, silent_speed_max_deg_s, silent_way_deg
 from support.modulo_machine import modulo_machine
 
 MACHINE = default_machine()
@@ -155,3 +155,119 @@ def test_a_sector_over_the_end_of_the_turn_takes_its_part_of_either_side() -> No
     """From 150 on to -170 deg: what is left of -180 to 180 is -170 to 150."""
     axis = modulo_machine({"axis.no_go_deg": [[150.0, -170.0]]}).axis
     assert axis.home_stretch_deg == (-170.0, 150.0)
+
+
+# --- two motors -------------------------------------------------------------------------------------------------------
+TWO = {"plant.switches.second_pinion": True}
+LOST = TWO | {"plant.second_pinion.lost": "second"}
+
+
+@pytest.mark.parametrize(
+    ("motors", "breakaway_nm", "fits"),
+    [(TWO, 374.0, True), (TWO, 376.0, False), (LOST, 182.0, True), (LOST, 183.0, False)],
+)
+def test_motors_break_away_each_with_its_own_friction(
+    motors: dict[str, object], breakaway_nm: float, fits: bool
+) -> None:
+    """16.0 kN m and 6.8 of the rollers are 19.92 N m behind 1144, each motor has its own; one or two give 385 N m."""
+    lines = broken(motors | {"plant.motor_friction.breakaway_nm": breakaway_nm})
+    assert (not any("breakaway friction and nominal eccentric moment" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(
+    ("motors", "coulomb_nm", "fits"),
+    [(TWO, 228.0, True), (TWO, 229.0, False), (LOST, 99.0, True), (LOST, 100.0, False)],
+)
+def test_motors_hold_the_speed_each_with_its_own_friction(
+    motors: dict[str, object], coulomb_nm: float, fits: bool
+) -> None:
+    """58.1 kN m are 50.78 N m behind 1144, each motor has 3.59 N m of viscous friction; one or two give 257 N m."""
+    friction = {f"plant.motor_friction.{name}_nm": coulomb_nm for name in ("coulomb", "breakaway")}
+    lines = broken(motors | friction)
+    assert (not any("friction at the highest setting and" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("reducer_nm", "preload_nm", "fits"),
+    # Half of 257 N m are 128.5; a reducer of 10 kN m has 113.6 behind 88.
+    [(17600.0, 128.0, True), (17600.0, 129.0, False), (10000.0, 113.0, True), (10000.0, 114.0, False)],
+)
+def test_a_preload_is_limited_either_way(
+    way: float, reducer_nm: float, preload_nm: float, fits: bool
+) -> None:
+    changes = {"plant.second_pinion.preload_nm": way * preload_nm, "reducer.torque_rated_nm": reducer_nm}
+    lines = broken(TWO | changes)
+    assert (not any("[plant.second_pinion] preload_nm" in line.partition(";")[0] for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("length_rad", "fits"), [(1.63e-6, True), (1.62e-6, False)])
+def test_the_hysteresis_is_followed_in_a_stop_by_two_motors(length_rad: float, fits: bool) -> None:
+    """770 N m slow 3.1275e6 kg m2 by 0.28165 rad/s2, which swings 2.18e6 on 1.0241e9 N m/rad at up to 0.02599 rad/s:
+    two lengths in 125 us are 1.624e-6 rad.
+    """
+    lines = broken(TWO | {"plant.transmission.hysteresis_length_rad": length_rad})
+    assert (not any("the simulation of the hysteresis swings up" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("motors", "acc_deg_s2"), [({}, 10.5887), (TWO, 17.0535)])
+def test_an_axis_is_driven_away_by_all_its_motors(motors: dict[str, object], acc_deg_s2: float) -> None:
+    """385 or 770 N m and 43.71 of the moment, on 2.02774 or 2.38974 kg m2 times 1144."""
+    assert driven_acc_deg_s2(with_values(MACHINE, motors)) == pytest.approx(acc_deg_s2, rel=1e-4)
+
+
+# --- monitors ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("sag_deg", "fits"), [(0.436, True), (0.437, False)])
+def test_a_load_that_sinks_goes_on_sinking_while_the_brake_closes(sag_deg: float, fits: bool) -> None:
+    """s = 1.0795 deg/s2, n = 8.8003, 0.15 s, 0.6667 deg of room: u = 0.97036 deg/s and u^2 / 2s = 0.43612 deg."""
+    lines = broken({"brake.sag_max_deg": sag_deg})
+    assert (not any("[brake] sag_max_deg" in line.partition(";")[0] for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("band_deg", "fits"), [(0.540, True), (0.541, False)])
+def test_encoders_disagree_within_the_room_less_time_and_scan(band_deg: float, fits: bool) -> None:
+    """111.1 ms less 20 of the monitor and a scan of 1 ms are 90.1 ms, 0.5407 deg at 6 deg/s."""
+    lines = broken({"control.compensation.load_encoder.disagreement_deg": band_deg})
+    assert (not any("load_encoder] disagreement_deg" in line.partition(";")[0] for line in lines)) is fits
+
+
+# --- nodes beside the drive -------------------------------------------------------------------------------------------
+BRAKE = CAN | {"brake.owner": "controller_output"}
+
+
+@pytest.mark.parametrize(
+    ("places", "fits"),
+    [
+        ({"can.outputs.brake_release": 5}, True),
+        ({"can.io.node": 3, "can.io.outputs.brake_release": 6}, True),
+        ({"can.outputs.brake_release": 5, "can.io.node": 3, "can.io.outputs.brake_release": 6}, False),
+        # A node that is not there opens no brake.
+        ({"can.io.outputs.brake_release": 6}, False),
+        ({}, False),
+    ],
+)
+def test_a_brake_has_one_output_that_is_there(places: dict[str, object], fits: bool) -> None:
+    assert (not any("[brake] owner" in line.partition(";")[0] for line in broken(BRAKE | places))) is fits
+
+
+@pytest.mark.parametrize("output", ["lamp", "drive_enable"])
+@pytest.mark.parametrize(("node", "fits"), [(3, True), (0, False)])
+def test_an_output_has_its_node(output: str, node: int, fits: bool) -> None:
+    lines = broken(CAN | {"can.io.node": node, f"can.io.outputs.{output}": 4})
+    assert (not any("must be the id of the node whose outputs are wired" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize("table", ["can.outputs", "can.io.outputs"])
+@pytest.mark.parametrize(("lamp", "fits"), [(5, True), (4, False)])
+def test_no_two_outputs_of_drive_or_node_share_a_bit(table: str, lamp: int, fits: bool) -> None:
+    lines = broken(CAN | {"can.io.node": 3, f"{table}.horn": 4, f"{table}.lamp": lamp})
+    assert (not any("must have a bit that no other output has" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(
+    ("encoder", "io", "fits"), [(4, 3, True), (2, 3, False), (127, 3, False), (3, 3, False)]
+)
+def test_the_encoder_on_the_ring_answers_with_an_id_of_its_own(encoder: int, io: int, fits: bool) -> None:
+    keys = {"can.load_encoder.source": "node", "can.load_encoder.node": encoder, "can.io.node": io}
+    lines = broken(CAN | keys)
+    assert (not any("must differ from every other node id" in line for line in lines)) is fits

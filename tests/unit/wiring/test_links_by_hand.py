@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import hashlib
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.drives.od.object_table import read_objects_of
 from gantryctl.drives.profiles import load_profile
 from gantryctl.drives.profiles.dictionary import profile_of_table
@@ -18,7 +19,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.wiring import canopen, simulator, teeth, virtual, virtual_nodes
-from gantryctl.wiring.bus_log import logged_links
+from gantryctl.wiring.bus_log import log_in_force, logged_links
 from gantryctl.wiring.canopen import can_link, canopen_drive, read_only_drive, reset_drive_fault
 from gantryctl.wiring.engine import build_program
 from gantryctl.wiring.program import speed_step_deg_s
@@ -215,9 +216,35 @@ def test_what_a_virtual_drive_and_its_master_send_is_logged_with_its_own_time(ca
     )
     with logged_links(log):
         link, drive, _ = virtual.virtual_bus(can)
+        link.pause(0.25)
+        at_s = drive.time_us * 1e-6
         link.send(0x80, b"")
         link.close()
-    assert (pytest.approx(drive.time_us * 1e-6, abs=0.1), 0x80, True) in heard
+    assert at_s == pytest.approx(0.25)
+    # SYNC lets a scan of 4 ms go by.
+    assert [time_s for time_s, can_id, sent in heard if (can_id, sent) == (0x80, True)] == [
+        pytest.approx(at_s, abs=0.004)
+    ]
+
+
+def test_the_log_in_force_hears_of_a_virtual_link_that_it_is_one(can: Machine) -> None:
+    """Its frames have the time of the drive, not that of a clock."""
+    asked: list[tuple[str, bool]] = []
+    log: Any = SimpleNamespace(link=lambda channel, *, virtual: asked.append((channel, virtual)))
+    assert log_in_force() is None
+    with logged_links(log):
+        assert log_in_force() is log
+        virtual.virtual_bus(can)[0].close()
+    assert log_in_force() is None
+    assert asked == [("simulated", True)]
+
+
+@pytest.mark.parametrize("reaction", [2, 6])
+def test_the_checksum_of_a_drive_is_that_of_the_values_that_count(can: Machine, reaction: int) -> None:
+    """605A says how a quick stop ends; 1008 is a name."""
+    objects = {(0x605A, 0): ObjectFact(True, False, reaction), (0x1008, 0): ObjectFact(False, False, "drive")}
+    found = canopen.parameter_checksum(can, DriveFacts(0, 0, 0, 0, "", objects))
+    assert found == hashlib.sha256(f"605A:00={reaction}".encode()).hexdigest()
 
 
 def test_the_time_of_a_virtual_drive_is_that_of_whoever_waits(can: Machine) -> None:
@@ -370,6 +397,12 @@ def test_drawn_teeth_leave_the_long_waves_to_other_keys() -> None:
             for wave in range(without + 2)
         ]
         assert max(sizes[: without + 1]) < 1e-9 < sizes[-1]
+
+
+def test_drawn_teeth_are_the_worst_of_their_grade() -> None:
+    """Module 5 mm, 300 mm, grade 6: the largest step is (0.3 (5 + 0.4 sqrt 300) + 4) sqrt 2 = 10.7176 um."""
+    found = teeth.ring_deviations_um(60, 5.0, 6.0, 8)
+    assert max(abs(found[k] - found[k - 1]) for k in range(60)) == pytest.approx(10.717562)
 
 
 def test_an_ideal_axis_goes_on_where_it_was() -> None:
