@@ -338,6 +338,36 @@ def test_an_encoder_that_froze_before_the_way_down_is_seen_as_the_torque_goes(
     assert rig.axis.feedback.in_doubt is frozen
 
 
+@pytest.mark.parametrize("frozen", [True, False])
+@AT_EVERY_SCAN_MS
+@pytest.mark.parametrize("brake", ["open", "closed"])
+def test_an_encoder_that_freezes_as_a_resting_axis_loses_its_torque_is_told(
+    brake: str, scan_ms: float, frozen: bool
+) -> None:
+    """36 N m go by the emergency stop: an open brake lets the shaft run, a closed one gives way by 30 counts.
+
+    Scenario 90176: the shaft still creeps in the scan of the freeze, and a late brake let it go on by 0.1 deg.
+    """
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), -80.0)
+    rig.power_up()
+    if brake == "closed":
+        rig.say(quick_stop=True)
+        rig.until(lambda: rig.phase is PowerPhase.UNLOADING)
+    torque_nm = abs(rig.axis.feedback.torque_nm)
+    assert torque_nm > 34.0
+    rig.faults.estop_ok, rig.faults.brake_close_slow_s = False, 0.12
+    rig.faults.encoder_gain = 0.0 if frozen else 1.0
+    rig.run(0.08)
+    assert rig.axis.feedback.in_doubt is frozen, rig.texts
+    assert (Code.ENC_02 in rig.axis.alarms.active) is frozen
+    rig.run(3.0)
+    assert rig.axis.feedback.in_doubt is frozen
+    assert rig.first_alarm is not None
+    assert (Words.ANGLE_UNKNOWN in rig.first_alarm.steps) is frozen
+    if brake == "open":
+        assert (abs(deg(rig.axis.pos_act_rad) - rig.motor_deg) > 0.02) is frozen
+
+
 def test_a_load_that_sinks_is_told_while_the_speed_is_absurd(oracle: Oracle) -> None:
     """Brake without torque and a speed of 1e300 in one scan: after 1.5 s of a stop without a reading, and 0.02 deg."""
     rig = PlantRig(machine_at(10.0, CHECK_NM), 60.0)

@@ -301,8 +301,10 @@ class PowerSequence:
         self._ramp.begin()
         self._hold_watch.begin()
         outputs = OUTPUTS[phase]
-        if phase is PowerPhase.TORQUE_OFF and self._feedback.brake_open:
-            self.wear.begin(abs(self._feedback.vel_rad_s))
+        if phase is PowerPhase.TORQUE_OFF:
+            self._load_goes()
+            if self._feedback.brake_open:
+                self.wear.begin(abs(self._feedback.vel_rad_s))
         self.brake_open = outputs.brake_open
         if outputs.request is not None:
             self.request = outputs.request
@@ -413,8 +415,7 @@ class PowerSequence:
             self._enter(PowerPhase.DISABLING)
             return
         self._enter(PowerPhase.UNLOADING)
-        self._load_nm = self._feedback.torque_nm
-        self._twist.begin(-self._load_nm)
+        self._load_goes()
 
     def _unloading(self, pos_rad: float) -> None:
         """Lower the torque by what the motor still gives, in three steps; a brake that slips gets it back."""
@@ -426,11 +427,16 @@ class PowerSequence:
             preload_nm = self.holding.preload_nm
             # The angle is checked after each step, so a weak brake shows while the motor still holds most of the load.
             self.torque_ff_nm = self.holding.limited(preload_nm - self._load_nm * step / _UNLOAD_STEPS)
-        elif step > _UNLOAD_STEPS + 1 and not self._stood_while_unloading():
+        elif step > _UNLOAD_STEPS + 1 and not self._stood_as_torque_went():
             self._enter(PowerPhase.DISABLING)
             self._unloaded = True
 
-    def _stood_while_unloading(self) -> bool:
+    def _load_goes(self) -> None:
+        """The torque of this scan goes from now on: the reading must show it (`_stood_as_torque_went`)."""
+        self._load_nm = self._feedback.torque_nm
+        self._twist.begin(-self._load_nm)
+
+    def _stood_as_torque_went(self) -> bool:
         """As much torque has gone as the proof at power-up gives, and the reading has not shown it as it does there.
 
         An encoder that froze at rest before it was asked is found so: behind the brake nobody can ask any more.
@@ -490,11 +496,17 @@ class PowerSequence:
 
     def _torque_off(self, _pos_rad: float) -> None:
         self.wear.scan()
+        self._twist.scan()
         self._torque_kept(self._disabled_scans)
         elapsed_s = self._count * self._period_s
         if not self._feedback.position_valid:
             if elapsed_s > _BLIND_STOP_S:
                 self._enter(PowerPhase.OFF)
+            return
+        # Behind an open brake the load turns the shaft on: what it turned before the torque was off proves nothing.
+        if self._count <= _SHOWN_SCANS and self._feedback.brake_open:
+            self._twist.begin(-self._load_nm)
+        if self._count >= 2 * _SHOWN_SCANS and self._stood_as_torque_went():
             return
         # Behind a brake without torque the load may sink as the torque goes off again. From OFF on a slip is told and
         # held by torque; waiting here for rest, people were told after 3 s.
