@@ -375,6 +375,27 @@ def pushes_with_all(parts: Parts, x: float) -> bool:
     return bool(parts.codes)
 
 
+def is_not_explained(parts: Parts, x: float) -> bool:
+    """Torque beside its mean that must have turned the shaft: what was missing before is not forgotten."""
+    watch = torque_of(parts, 0.0)
+    watch._missing = 1.0
+    watch._suspect(0.0, x, 0.0)
+    return watch._missing != 0.0
+
+
+def leaps(parts: Parts, x: float) -> bool:
+    watch = torque_of(parts, 0.0)
+    watch._suspect(x, 0.0, 0.0)
+    return watch._leap != 0
+
+
+def looks_for_the_brake(parts: Parts, x: float) -> bool:
+    """The shaft was held back, and 300 N m more stay, in the direction of the command."""
+    watch = torque_of(parts, 0.0)
+    watch._pulled = True
+    return any(watch._gripped(math.copysign(300.0, x), x) for _ in range(31))
+
+
 MONITORS: dict[str, tuple[Acts, float]] = {
     "following error that warns": (lags, 0.5 * rad(0.03)),
     "following error": (lags_too_far, rad(0.03)),
@@ -400,6 +421,9 @@ MONITORS: dict[str, tuple[Acts, float]] = {
     "torque of a standing count": (stands_under_torque, 15.0),
     "torque that leaves a standing count": (torque_leaves, 15.0),
     "torque of the wrong sign": (pushes_with_all, 0.8 * 385.0),
+    "torque that must turn the shaft": (is_not_explained, 100.0 / 385.0 * 385.0),
+    "leap of the torque": (leaps, 0.8 * 257.0),
+    "command behind which a brake is looked for": (looks_for_the_brake, 0.04 * rad(0.5)),
 }
 
 # --- readings and commands --------------------------------------------------------------------------------------------

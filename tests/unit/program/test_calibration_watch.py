@@ -82,6 +82,12 @@ def new_watch(*, used_s: float = 0.0, **changes: Any) -> CalibrationWatch:
     return watch
 
 
+def sums(watch: CalibrationWatch, name: str = "torque") -> list[float]:
+    kept = watch.memory[name]
+    assert isinstance(kept, list)
+    return kept
+
+
 @pytest.mark.parametrize("cosine_nm", [2.0, 9e3, -9e3])
 def test_a_machine_as_it_was_calibrated_is_left_alone(cosine_nm: float) -> None:
     watch = new_watch(moment_cosine_nm=cosine_nm)
@@ -151,6 +157,26 @@ def test_short_first_moves_leave_no_friction_of_a_moment_that_they_cannot_tell()
     turned(watch)
     # 7 of 167 s are 40 N m; 500 with the friction of the 33 kN m in the sums of the next move.
     assert abs(watch.seen["moment"].measured) < 150.0
+
+
+@pytest.mark.parametrize(("share", "samples"), [(0.99, 0.0), (1.01, 1.0), (-0.99, 0.0), (-1.01, 1.0)])
+def test_motion_that_is_too_slow_teaches_no_friction(share: float, samples: float) -> None:
+    """Its torque lies anywhere between the frictions of both ways; a sample is taken every 0.1 s."""
+    watch = new_watch()
+    vel = share * watch.settings.speed_min_rad_s
+    for k in range(round(0.1 / PERIOD_S)):
+        watch.scan(k * PERIOD_S * vel, vel, 0.0, 10.0, 0.0)
+    assert sums(watch)[0] == samples
+
+
+@pytest.mark.parametrize(
+    ("apart_rad", "samples"), [(math.nextafter(1.0, 0.0), 1.0), (1.0, 0.0), (-1.0, 0.0), (math.nan, 0.0)]
+)
+def test_encoders_that_are_a_radian_apart_say_nothing_of_the_gears(apart_rad: float, samples: float) -> None:
+    watch, vel = new_watch(moment_sine_nm=50e3), rad(6.0)
+    for k in range(round(0.1 / PERIOD_S)):
+        watch.scan(1.5 + k * PERIOD_S * vel, vel, 0.0, 40.0, apart_rad)
+    assert sums(watch, "ring")[0] == samples
 
 
 def test_motion_one_way_names_nothing_that_it_cannot_tell_apart() -> None:

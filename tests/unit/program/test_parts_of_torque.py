@@ -232,7 +232,7 @@ def test_a_count_that_stands_is_a_frozen_encoder_and_no_held_shaft():
 @PERIODS
 @pytest.mark.parametrize(
     ("rise_nm", "planned_deg_s2", "held"),
-    [(205.0, 0.0, True), (195.0, 0.0, False), (205.0, 1.0, False), (205.0, -1.0, True)],
+    [(205.0, 0.0, True), (200.5, 0.0, True), (195.0, 0.0, False), (205.0, 1.0, False), (205.0, -1.0, True)],
 )
 def test_half_of_the_brakes_torque_that_comes_and_stays_is_the_brake(
     period_s, way, rise_nm, planned_deg_s2, held

@@ -334,6 +334,21 @@ def test_power_off_while_parked(parked):
     assert parked.axis.state is AxisState.DISABLED
 
 
+def test_power_off_while_a_drive_that_owns_its_brake_is_parked_and_shows_switched_on():
+    """It opens nothing: there is no way up to turn back from, and power can be asked for again."""
+    policy = {"standstill": StandstillPolicy.BRAKE, "hold_brake_after_s": 0.1}
+    rig = Rig(config=settings(brake_by_drive=True, **policy))
+    rig.spoil = lambda drive: drive._replace(brake_open=drive.state is DriveState.OPERATION_ENABLED)
+    rig.power_up()
+    rig.until(lambda: rig.axis.power.phase is P.PARKED, 5.0)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON, brake_open=False)
+    rig.op(power=False)
+    rig.run(0.1)
+    assert rig.axis.is_off
+    assert not rig.axis.power.falling
+    assert rig.axis.power_on() is None
+
+
 def test_brake_feedback_open_while_off_blocks_the_next_power_up():
     rig = Rig()
     rig.spoil = lambda drive: drive._replace(brake_open=True)

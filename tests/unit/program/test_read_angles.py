@@ -78,6 +78,15 @@ def test_the_end_of_travel_and_what_is_still_open_are_read_within_the_turn():
     assert rig.axis.refusal.code is Code.LIM_05
 
 
+@pytest.mark.parametrize(
+    ("angle_deg", "read_deg"),
+    [(-90.0, 270.0), (-0.5, 359.5), (300.0, 300.0), (-361.0, -361.0), (400.0, 400.0)],
+)
+def test_an_angle_is_read_within_the_turn_and_what_was_typed_beyond_one_as_it_was(angle_deg, read_deg):
+    assert deg(_IEC.travel.read_rad(rad(angle_deg))) == pytest.approx(read_deg)
+    assert deg(settings().travel.read_rad(rad(angle_deg))) == pytest.approx(angle_deg)
+
+
 def test_signed_angles_stay_signed():
     rig = moving_rig(at_deg=60.0)
     rig.until(lambda: rig.ref_deg < -20.0)

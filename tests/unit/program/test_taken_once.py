@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gantryctl.image import DigitalInputs, Mode
+from gantryctl.image import DigitalInputs, DriveState, Mode
 from gantryctl.program import AxisState, Code, PowerPhase, Reaction
 from gantryctl.program.axis.command_checks import check_speed
 from gantryctl.program.settings import StandstillPolicy
@@ -83,6 +83,25 @@ def test_a_reset_that_stays_true_resets_once():
     rig.op(reset=True)
     rig.run(0.1)
     assert rig.codes == []
+
+
+def test_a_second_push_that_is_refused_takes_nothing_from_the_reset_under_way():
+    """The drive takes its time to clear its fault; meanwhile an alarm locks, and the second push is refused."""
+    rig = powered()
+    rig.spoil = lambda drive: drive._replace(state=DriveState.FAULT, error_code=0x7300)
+    rig.run(2.0)
+    rig.op(power=False, reset=True)
+    rig.run(0.2)
+    assert rig.program.reset.busy
+    rig.op(reset=False)
+    rig.axis.alarms.raise_(Code.BRK_08, measured="locked")
+    rig.op(reset=True)
+    assert rig.refused()
+    assert rig.program.reset.busy
+    assert not rig.program.reset.done
+    rig.spoil = None
+    rig.run(0.1)
+    assert rig.program.reset.done
 
 
 def test_a_quick_stop_that_stays_true_stops_once_and_holds_no_reset_back():

@@ -7,6 +7,7 @@ import random
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from gantryctl.image import InputImage
@@ -182,6 +183,25 @@ def test_a_load_is_known_after_a_hundred_samples_that_agree() -> None:
     for sample in range(1, 101):
         model.add(rad(3.0 * sample), rad(3.0 if sample % 2 else -3.0), 0.0, 0.0)
         assert model.learned is (sample == 100)
+
+
+def test_the_weights_are_those_of_least_squares_that_forget() -> None:
+    """Beside the information form, which inverts what the recursion carries along: each reading adds x x' of weight 1,
+    and between readings the variance of a weight grows by 5e-7 below its bound (0.01 of sine and cosine, 100 of
+    the others). The two differ by rounding alone.
+    """
+    model, bounds = TorqueModel(RATIO, RATED_NM), np.array([0.01, 0.01, 100.0, 100.0, 100.0])
+    cov, weights = 100.0 * np.eye(5), np.zeros(5)
+    for pos, vel, _, torque in swings(60.0):
+        acc = 2e-3 * math.sin(3.0 * pos)
+        model.add(pos, vel, acc, torque)
+        x = np.array([math.sin(pos), math.cos(pos), math.copysign(1.0, vel), vel / 0.1, acc / 1e-3])
+        information = np.linalg.inv(cov)
+        cov = np.linalg.inv(information + np.outer(x, x))
+        weights = cov @ (information @ weights + x * torque)
+        cov += np.diag(np.where(np.diag(cov) < bounds, 5e-7, 0.0))
+    assert model.learned
+    assert model.weights == pytest.approx(weights, rel=1e-6)
 
 
 @pytest.mark.parametrize(("angle_deg", "missing"), [(0.0, "sine"), (90.0, "cosine")])
