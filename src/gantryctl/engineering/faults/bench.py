@@ -42,13 +42,16 @@ _TARGET_BEFORE_END_DEG: Final = 10.0
 
 COLUMNS: Final = (
     "time_s", "pos_deg", "vel_deg_s", "pos_load_deg", "vel_load_deg_s", "torque_nm", "brake_closed", "told_deg",
-    "told_deg_s", "valid", "enabled",
+    "told_deg_s", "valid", "enabled", "ref_deg_s",
 )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaultLog:
-    """One row each millisecond, from a little before the fault on; angles at the gantry, true motor side."""
+    """One row each millisecond, from a little before the fault on; angles at the gantry, true motor side.
+
+    `ref_deg_s` is the speed that the program asks of the axis; NaN where it does not move it.
+    """
 
     table: NDArray[np.float64]
 
@@ -253,7 +256,9 @@ class FaultBench:
     def _told_now(self) -> tuple[float, ...]:
         feedback = self.axis.feedback
         valid, enabled = float(feedback.position_valid), float(self._was_enabled)
-        return deg(self.axis.pos_act_rad), deg(feedback.vel_rad_s), valid, enabled
+        axis = self.axis
+        ref_deg_s = deg(axis.virtual.vel_ref_rad_s) if axis.power.phase is PowerPhase.ON else math.nan
+        return deg(axis.pos_act_rad), deg(feedback.vel_rad_s), valid, enabled, ref_deg_s
 
     def _tick(self) -> None:
         """After each tick of the virtual drive."""

@@ -294,7 +294,10 @@ def _judged(
     top = machine.speed.setting_max_deg_s
     start_deg, counted = pos[begin], begin
     if case.from_deviation:
-        away = np.nonzero(np.abs(vel[begin:] - vel[begin]) > _DEVIATION_SHARE * top)[0]
+        # A ramp of the program's own is no deviation; with torque that is still enough the axis comes to its target.
+        least = _DEVIATION_SHARE * top
+        obeys = np.abs(vel[begin:] - log["ref_deg_s"][begin:]) <= least
+        away = np.nonzero((np.abs(vel[begin:] - vel[begin]) > least) & ~obeys)[0]
         counted = begin + int(away[0]) if len(away) else len(pos) - 1
         start_deg = pos[counted]
     alarms = list(axis.alarms.history)[before.alarms :]
