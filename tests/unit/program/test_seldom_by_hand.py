@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import pytest
 
-from gantryctl.image import DriveState, EncoderFlag, LinkFlag
+from gantryctl.image import BufferMode, DigitalInputs, DriveState, EncoderFlag, LinkFlag
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
-from gantryctl.units import rad
+from gantryctl.program.axis.motion_command import CommandStatus
+from gantryctl.program.axis.turns import Turns
+from gantryctl.program.blocks import Power
+from gantryctl.program.monitors.drag import DragWatch
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.liveness import Liveness
+from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.monitors.oscillation import Oscillation
+from gantryctl.program.monitors.thermal import MotorThermal
+from gantryctl.program.monitors.torque import TorqueWatch
+from gantryctl.program.monitors.torque_model import TorqueModel
+from gantryctl.program.power.brake_test import BrakeTest
+from gantryctl.program.virtual_axis import VirtualAxis
+from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts
 from unit.program.power_steps import P
-from unit.program.rig import Rig, settings
+from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
+from unit.program.test_modulo import modulo
 from unit.program.test_parts_of_feedback import Encoder
+from unit.program.test_parts_of_reset import OFF, Stop, W
 
 approx = pytest.approx
 
@@ -151,3 +168,256 @@ def test_a_count_that_stands_under_torque_while_the_brake_closes_is_frozen_as_lo
     rig.run(0.1)
     assert rig.axis.power.phase is (P.CLOSING if closed else P.TORQUE_OFF)
     assert rig.codes == ([] if closed else ["ENC-02"])
+
+
+def test_an_axis_that_does_not_follow_has_no_following_error():
+    rig = moving_rig()
+    rig.axis.pos_err_rad = rad(0.1)
+    rig.axis.quick_stop()
+    assert rig.axis.pos_err_rad == 0.0
+
+
+@BOTH
+def test_the_way_to_rest_is_that_of_a_released_key(way):
+    """From 6 deg/s by 5 deg/s2 3.6 deg, and 0.15 deg more for the ramp of the deceleration by 100 deg/s3."""
+    rig = moving_rig(at_deg=-50.0 * way)
+    assert deg(rig.axis.stopping_angle_rad()) == approx(3.6 + 0.5 * 6.0 * 5.0 / 100.0, abs=0.01)
+
+
+@BOTH
+def test_what_waits_behind_a_motion_that_the_travel_ends_is_dropped(way):
+    """Begun 2 deg before the end of travel: 6 deg/s are never reached, so what waits for them never begins."""
+    rig = Rig(at_deg=178.0 * way)
+    rig.power_up()
+    motion = rig.axis.motion
+    speed = motion.move_velocity(way * rad(6.0))
+    back = motion.move_absolute(0.0, rad(6.0), buffer_mode=BufferMode.BUFFERED)
+    rig.until(lambda: not speed.alive, 5.0)
+    assert back.status is CommandStatus.ABORTED
+    rig.run(1.0)
+    assert abs(rig.ref_deg) == approx(180.0)
+
+
+def test_a_motion_behind_a_stop_follows_the_override_again():
+    rig = moving_rig()
+    rig.op(stop=True)
+    rig.until(lambda: rig.vel_deg_s == 0.0, 3.0)
+    rig.op(stop=False)
+    rig.run(0.1)
+    rig.move(rig.ref_deg + 60.0)
+    rig.run(2.5)
+    rig.op(override=0.5)
+    rig.run(1.5)
+    assert rig.vel_deg_s == approx(3.0)
+
+
+@pytest.mark.parametrize(("override", "moves"), [(0.001, True), (math.nextafter(0.001, 0.0), False)])
+def test_an_override_of_a_thousandth_is_the_least_that_moves(override, moves):
+    rig = powered()
+    rig.op(override=override)
+    rig.move(5.0)
+    rig.run(0.5)
+    assert rig.vel_deg_s == (approx(0.006) if moves else 0.0)
+    assert rig.axis.paused is not moves
+
+
+def test_a_turn_is_taken_back_at_constant_speed_only():
+    """A speed is asked for as the set-point passes it on a ramp: it goes beyond, and comes back by its jerk."""
+    virtual = VirtualAxis(modulo())
+    virtual.follow_from(0.0, 0)
+    speed = rad(100.0)
+    virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2 = speed, rad(50.0)
+    assert virtual.move_to(math.inf, speed, virtual.ramps.below(None, None, rad(100.0)), 0) is None
+    assert virtual.vel_ref_rad_s == virtual.plan.vel_end == speed
+    assert not virtual.cruising
+    virtual.sample(60_000)
+    assert virtual.cruising
+
+
+def test_a_new_zero_begins_its_turns_anew():
+    turns = Turns(Fraction(100), 0.0)
+    assert turns.move_on(2) == 200.0
+    assert turns.begin(50.0) == 50.0
+    assert turns.move_on(1) == 150.0
+
+
+@pytest.mark.parametrize(("counts", "kept"), [(20, 30), (79, 30), (81, 130), (-19, 1030), (-21, 930)])
+def test_the_zero_is_kept_half_a_turn_at_most_from_where_the_axis_rests(counts, kept):
+    """Turns of 100 counts, 0 deg at 30, a range of 1000: within it, -19 is 981 and -21 is 979."""
+    assert Turns(Fraction(100), 30.0).kept_zero(counts, 1000) == kept
+
+
+# --- monitors ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("code", [Code.BRK_06, Code.BRK_14])
+def test_a_contact_that_was_wrong_shows_a_closed_brake_and_not_since_when(code):
+    stop = Stop()
+    stop.parts.alarms.active[code] = stop.alarm
+    stop.scan(2, state=OFF, brake_open=False, deg_s=0.0)
+    stop.scan(3, over=True)
+    assert W.BRAKE_CLOSED_SEEN in stop.steps
+    assert W.BRAKE_CLOSED_AFTER not in stop.steps
+
+
+def lives():
+    parts = Parts()
+    return parts, Liveness(parts.settings, parts.feedback, parts.holding, parts.alarms)
+
+
+@BOTH
+@pytest.mark.parametrize(("left", "told"), [(True, ["ENC-12"]), (False, [])])
+def test_a_speed_that_grows_against_the_torque_is_told_of_a_drive_that_has_left_its_ramp(left, told, way):
+    """From 3 deg/s by 0.16, 0.15 are permitted, with more than 0.8 of 385 N m."""
+    parts, watch = lives()
+    parts.feedback.torque_nm = -way * 310.0
+    for speed in (3.0, 3.16):
+        parts.alarms.scan += 1
+        parts.turn(way * speed)
+        watch.ramp_against(left=left)
+    assert parts.codes == told
+
+
+@BOTH
+@pytest.mark.parametrize(("periods", "told"), [(5, ["ENC-12"]), (4, [])])
+def test_a_speed_grows_on_over_scans_that_were_missed_and_anew_behind_a_pause(periods, told, way):
+    parts, watch = lives()
+    parts.feedback.torque_nm = -way * 310.0
+    for speed in (3.0, 3.16):
+        parts.alarms.scan += 5
+        parts.feedback.periods = periods
+        parts.turn(way * speed)
+        watch.drive_against()
+    assert parts.codes == told
+
+
+@BOTH
+@pytest.mark.parametrize(("at_deg", "codes"), [(177.0, []), (177.5, ["CTL-10"])])
+def test_the_end_of_travel_is_foreseen_from_the_speed_of_the_shaft(at_deg, codes, way):
+    """The set-point rests, the shaft runs away with 6 deg/s: 3.27 deg to rest by 5.5 deg/s2; the end lies at 180.5."""
+    parts = Parts()
+    watch = Monitors(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    parts.turn(way * 6.0)
+    watch.scan(way * rad(at_deg), 0.0, 0.0)
+    assert [code for code in parts.codes if code == "CTL-10"] == codes
+
+
+@BOTH
+def test_the_acceleration_in_which_the_axis_is_watched_anew_explains_no_brake(way):
+    """A reset on a ramp of 1 deg/s2: its 70 N m were there before, so 205 N m more are the brake."""
+    parts = Parts()
+    parts.virtual.acc_ref_rad_s2 = rad(way * 1.0)
+    watch = TorqueWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    parts.turn(way * 2.9)
+    off = rad(-way * 0.06)
+    watch.scan(off, 0.0)
+    parts.feedback.torque_nm = way * 205.0
+    parts.after(lambda: watch.scan(off, 0.0), most_s=0.031)
+    assert parts.codes == ["BRK-14"]
+
+
+@BOTH
+def test_a_drag_ends_the_motion_after_a_second_in_a_row_above_its_level(way):
+    """Twice 0.6 s at 0.31 of 257 N m, between them 0.1 s at 0.2: a warning; a second at 0.31 ends the motion."""
+    for shares, reaction in (((0.31, 0.2, 0.31), Reaction.W), ((0.31, 0.31, 0.31), Reaction.HLT)):
+        parts = Parts()
+        watch = DragWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+        watch._mean_share = 0.0
+        parts.virtual.vel_ref_rad_s = way * rad(3.0)
+        for share, scans in zip(shares, (600, 100, 600), strict=True):
+            watch._mean_nm = share * 257.0
+            for _ in range(scans):
+                watch.scan(0.0)
+        assert parts.reaction("BRK-02") is reaction
+
+
+def swung(*sides_s):
+    """Codes after a swing to either side in turn, each for so long; a pause is a side of 0 deg/s."""
+    parts = Parts()
+    watch = Oscillation(parts.settings, parts.alarms)
+    for side, time_s in sides_s:
+        for _ in range(round(time_s / parts.period_s)):
+            parts.alarms.scan += 1
+            if side:
+                watch.scan(side * rad(0.3))
+    return parts.codes
+
+
+@BOTH
+def test_a_swing_there_and_back_is_a_shock_and_four_sides_of_a_second_are_an_oscillation(way):
+    assert swung((way, 1.1), (-way, 0.1)) == []
+    assert swung((way, 0.6), (-way, 0.6), (way, 0.1)) == []
+    assert swung((way, 0.4), (-way, 0.4), (way, 0.4), (-way, 0.1)) == ["CTL-08"]
+
+
+@BOTH
+def test_swings_before_a_pause_of_half_a_second_count_no_more(way):
+    before = ((way, 0.2), (-way, 0.2), (way, 0.2), (-way, 0.2))
+    assert swung(*before, (0.0, 0.6), (way, 1.1), (-way, 0.1)) == []
+
+
+def test_a_second_fault_of_the_drive_is_told_with_its_code_where_nobody_has_reset_the_first():
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+
+    def scan(state, code):
+        parts.feedback.state, parts.feedback.error_code = state, code
+        interlocks.scan(0.0, powered=True)
+        return parts.alarms.active[Code.DRV_01].values["measured"]
+
+    first = scan(DriveState.FAULT, 0x7300)
+    assert scan(DriveState.SWITCH_ON_DISABLED, 0) is first
+    second = scan(DriveState.FAULT, 0x4310)
+    assert second != first
+    assert scan(DriveState.FAULT, 0x5000) is second, "the code that a fault has shown first stays"
+
+
+def test_bad_readings_of_the_motors_sensor_are_told_after_a_second_in_a_row():
+    """0.6 s of a broken wire, twice; then 1.1 s."""
+    parts = Parts()
+    thermal = MotorThermal(parts.settings, parts.feedback, parts.alarms)
+    look = 0
+    for reading_c, looks, codes in ((400.0, 6, []), (30.0, 1, []), (400.0, 6, []), (400.0, 5, ["THM-02"])):
+        parts.feedback.motor_temp_c = reading_c
+        for _ in range(looks):
+            look += 1
+            thermal.scan(0.11 * look)
+        assert parts.codes == codes
+
+
+def test_no_friction_is_expected_of_an_axis_that_stands():
+    """12 N m of it in motion, which is more than 0.05 deg/s; 50 N m s per rad are 0.04 N m there."""
+    model = TorqueModel(RATIO, 257.0)
+    model.restore([0.0, 0.0, 12.0, 5.0, 0.0])
+    for way in (1.0, -1.0):
+        assert model.expected_nm(0.0, way * rad(0.049), 0.0) == 0.0
+        assert model.expected_nm(0.0, way * rad(0.051), 0.0) == approx(way * 12.04, abs=0.01)
+
+
+# --- power ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_brake_test_tells_its_largest_way_and_gives_no_torque_when_it_has_ended():
+    """0.01 deg and back; ended by an alarm as the torque rises."""
+    test = BrakeTest(64.0, rad(0.02), 385.0, 0.001)
+    test.prepare(0.0)
+    test.begin()
+    for pos_deg in (0.0, 0.01, 0.0, 0.0):
+        test.scan(0.0, rad(pos_deg))
+    assert test.on_brake_nm > 0.0
+    result = test.finish()
+    assert result.moved_rad == rad(0.01)
+    assert test.on_brake_nm == 0.0
+    assert not test.under_way
+
+
+def test_a_refusal_of_power_is_shown_as_long_as_it_is_asked_for():
+    rig = Rig()
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.run(0.1)
+    power = Power(rig.axis)
+    power(enable=True)
+    assert power.error
+    power(enable=False)
+    assert not power.error
+    assert power.error_id is None
