@@ -1,0 +1,309 @@
+"""What begins anew with a set-up, an answer or a new count, and who counts what: link, nodes and drive by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import can
+import pytest
+
+from gantryctl.drives.canopen.bus.link import BusLink, Frame
+from gantryctl.drives.canopen.bus.node import NmtState, NodeIdentity, RemoteNode
+from gantryctl.drives.canopen.diagnostics import TpdoWatch
+from gantryctl.drives.canopen.nodes.bus_node import BusNode
+from gantryctl.drives.canopen.nodes.inputs import InputReader
+from gantryctl.drives.canopen.nodes.ring_encoder import RingAngle
+from gantryctl.drives.canopen.settings import OutputBits
+from gantryctl.drives.canopen.setup import parameter_check as check
+from gantryctl.drives.canopen.setup.opening import wanted_of
+from gantryctl.drives.canopen.setup.parameter_watch import ROUND_S, ParameterWatch
+from gantryctl.drives.profiles import load_profile
+from gantryctl.image import DriveRequest
+from unit.drives.canopen.canopen_bench import Bench
+from unit.drives.canopen.test_nodes_by_hand import CONTACTS, RING, neighbours, of_cia_401
+from unit.drives.canopen.test_refusals_and_silence import Scripted, message
+from unit.drives.canopen.test_set_up_by_hand import NOTHING, Dictionary, settings
+from unit.drives.canopen.wire import Asked, Wire, remote_node
+
+pytestmark = pytest.mark.can
+
+DISABLE = DriveRequest.DISABLE
+
+# --- the link ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("reads", "down"), [("--+--", False), ("--+---", True), ("---+", False)])
+def test_only_failures_in_a_row_are_a_bus_that_cannot_be_read(reads: str, down: bool) -> None:
+    link = BusLink(Scripted(*(can.CanOperationError("no") if r == "-" else message(0x182) for r in reads)))
+    for _ in reads:
+        link.receive(0.0)
+    assert link.down is down
+    link.close()
+
+
+def test_our_own_frames_under_way_are_echoes_in_any_order() -> None:
+    bus = Scripted()
+    link = BusLink(bus, echoes=True)
+    frames = (0x080, 0x202, 0x302, 0x77F, 0x602)
+    for can_id in frames:
+        link.send(can_id, b"\x05")
+    bus.given = [message(can_id, b"\x05") for can_id in (*reversed(frames), 0x202)]
+    # The sixth is a second one of the same identifier and data: of somebody else.
+    assert link.receive(0.0) == Frame(0x202, b"\x05")
+    link.close()
+
+
+def test_a_copy_of_the_process_begins_without_what_was_sent_before() -> None:
+    bus = Scripted()
+    link = BusLink(bus, echoes=True)
+    link.send(0x080, b"")
+    bus.given = [message(0x182)]
+    link.take_over()
+    assert (link.unseen, bus.given) == (0, [])
+    bus.given = [message(0x080)]
+    assert link.receive(0.0) == Frame(0x080, b"")
+    link.close()
+
+
+def test_a_link_is_closed_once() -> None:
+    told: list[str] = []
+    link = BusLink(Scripted(), when_closed=lambda: told.append("closed"))
+    link.close()
+    link.close()
+    assert told == ["closed"]
+
+
+# --- nodes ------------------------------------------------------------------------------------------------------------
+
+
+def test_what_only_the_master_may_send_is_counted_by_the_node_of_the_drive() -> None:
+    drive = remote_node(Wire())
+    beside = RemoteNode(drive.link, 4, 127, 0.05, beside=drive)
+    for can_id in (0x080, 0x77F, 0x604, 0x000):
+        beside.dispatch(Frame(can_id, b""))
+    assert (drive.foreign, drive.foreign_id, beside.foreign, beside.unknown) == (4, 0x080, 0, 0)
+
+
+def test_an_answer_that_nobody_waits_for_is_no_frame_of_others() -> None:
+    node = remote_node(Wire())
+    node.dispatch(Frame(0x582, bytes(8)))
+    assert node.unknown == 0
+    node.dispatch(Frame(0x583, bytes(8)))
+    assert node.unknown == 1
+
+
+def test_a_drive_that_names_neither_itself_nor_its_software_is_told_by_its_number() -> None:
+    assert NodeIdentity(1, 2, 3, 4, 402, "", "", "").text == "drive without a name, software ?, serial 4"
+    assert NodeIdentity(1, 2, 3, 4, 402, "X9", "B", "1.7").text == "X9, software 1.7, serial 4"
+
+
+def test_contacts_of_a_lost_node_have_no_level() -> None:
+    reader = InputReader(NOTHING._replace(door_ok=3), CONTACTS)
+    reader.read(1 << 3, 1 << 10)
+    assert reader.levels() == {"door_ok": True, "brake_open": False, "watchdog_closed": True}
+    reader.read(0, None)
+    assert reader.levels() == {"door_ok": False}
+
+
+def test_the_ring_of_a_node_that_is_set_up_again_is_its_new_one() -> None:
+    """Its age counts from the new set-up on."""
+    beside = neighbours(load_encoder=RING)
+    encoder: Any = beside.encoder
+    for _ in range(2):
+        encoder.angle = RingAngle(RING, 1 << 20, 0.004)
+        encoder.open = lambda: None
+        beside.open()
+        beside.begin(5)
+        assert encoder.angle._since == 5
+
+
+@pytest.mark.parametrize(("period_s", "bridged"), [(0.015, 3), (0.010, 3), (0.004, 7)])
+def test_a_node_is_bridged_for_30_ms_and_three_scans_at_the_least(period_s: float, bridged: int) -> None:
+    io, _ = of_cia_401(OutputBits())
+    node = BusNode(io.node.remote, settings(period_s=period_s), "I/O", io.node._mapping, (), io.node._in_time)
+    node.watch.data = b"\0"
+    for node.watch.age in range(10):
+        assert node.judge(True) is (node.watch.age >= bridged)
+    assert neighbours(period_s=period_s)._old_scans == bridged
+
+
+@pytest.mark.parametrize(("lacks", "timeout"), [(False, 38), (True, None)])
+def test_a_node_without_a_heartbeat_is_not_lost_for_it(lacks: bool, timeout: int | None) -> None:
+    """150 ms are 37.5 scans of 4 ms."""
+    io, sdo = of_cia_401(OutputBits())
+    if lacks:
+        del sdo.values[0x1017, 0]
+    io.node.open()
+    assert io.node._timeout == timeout
+
+
+def test_a_node_that_is_set_up_again_has_told_nothing_yet() -> None:
+    io, _ = of_cia_401(OutputBits())
+    io.node.open()
+    io.node.watch.take(b"abc", in_time=False)
+    io.node.watch.data = b"\x01"
+    io.node.open()
+    assert (io.node.watch.wrong_in_row, io.node.watch.data) == (0, None)
+
+
+# --- telegrams --------------------------------------------------------------------------------------------------------
+
+
+def answered(watch: TpdoWatch, scans: int, *, crowded: bool = False) -> int:
+    """SYNCs whose telegrams may still come, after so many scans that were answered in time."""
+    for number in range(scans):
+        watch.begin(crowded=crowded)
+        watch.take(bytes((number, 0)), in_time=True)
+        watch.settle()
+    return watch.behind
+
+
+def test_missing_telegrams_are_owed_until_100_ms_were_answered_in_a_row() -> None:
+    """25 scans of 4 ms; on a crowded bus ten times as many."""
+    watch = TpdoWatch(2, 0.004)
+    for _ in range(3):
+        watch.begin()
+    assert answered(watch, 20) == 3
+    watch.begin()
+    assert answered(watch, 20) == 4
+    assert answered(watch, 6) == 0
+    for _ in range(3):
+        watch.begin()
+    assert answered(watch, 240, crowded=True) == 3
+    assert answered(watch, 12, crowded=True) == 0
+
+
+def test_a_scan_before_a_silence_is_not_missed_and_the_longest_age_stays() -> None:
+    watch = TpdoWatch(2, 0.004)
+    for periods in (1, 4, 1):
+        watch.begin(periods)
+        watch.settle()
+    answered(watch, 2)
+    assert (watch.longest_age, watch.age, watch.missed) == (6, 0, 3)
+    watch.begin()
+    watch.forget()
+    watch.begin()
+    assert watch.missed == 3
+
+
+# --- the drive --------------------------------------------------------------------------------------------------------
+
+
+def test_a_set_up_begins_with_no_state_and_accepts_the_frames_of_its_nodes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The PRE-OPERATIONAL of the set-up itself is no loss."""
+    bench = Bench().open()
+    accepted: list[int] = []
+    monkeypatch.setattr(bench.link, "accept", accepted.extend)
+    bench.drive.node.state = NmtState.PRE_OPERATIONAL
+    bench.drive._set_up(bench.drive.opened, None)
+    assert bench.drive.node.state in (None, NmtState.OPERATIONAL)
+    assert {0x082, 0x182, 0x282, 0x582, 0x702} <= set(accepted)
+    bench.drive.close()
+
+
+def test_the_words_of_the_maker_are_those_of_the_profile_of_the_drive() -> None:
+    bench, profile = Bench().open(), load_profile("maxon_epos4")
+    bench.drive.opened = bench.drive.opened._replace(settings=replace(bench.drive.settings, profile=profile))
+    assert bench.drive.identity().error_texts == profile.texts_by_code
+    assert profile.texts_by_code
+    bench.drive.close()
+
+
+def test_the_time_before_the_first_command_is_no_missed_scan() -> None:
+    bench = Bench().open()
+    bench.link.stepped = False
+    bench.link.pause(2.0)
+    bench.scan(DISABLE)
+    assert (bench.drive._passed, bench.drive.node.scan) == (1, bench.drive.scan)
+    bench.link.stepped = True
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(("commanded", "told"), [(True, ["settle", "release"]), (False, ["release"])])
+def test_only_a_gantry_that_was_commanded_comes_to_rest_at_the_end(commanded: bool, told: list[str]) -> None:
+    bench, seen = Bench().open(), list[str]()
+    plant: Any = SimpleNamespace(settle=lambda: seen.append("settle"), release=lambda: seen.append("release"))
+    bench.drive.plant, bench.drive.commanded = plant, commanded
+    bench.drive._leave()
+    assert seen == told
+
+
+@pytest.mark.parametrize(("watch", "written"), [(0x007F_0096, [(0x1016, 1, 0)]), (0, []), (None, [])])
+def test_only_a_watch_that_is_there_is_taken_off(
+    watch: int | None, written: list[tuple[int, int, int]]
+) -> None:
+    bench = Bench().open()
+    sdo = Dictionary({} if watch is None else {(0x1016, 1): watch})
+    bench.drive.node.sdo = sdo  # type: ignore[assignment]
+    bench.drive._take_the_watch_off()
+    assert sdo.written == written
+    bench.link.close()
+
+
+@pytest.mark.parametrize("rated_nm", [257.0, 300.0])
+def test_torques_count_in_the_rated_torque_that_the_drive_has(
+    monkeypatch: pytest.MonkeyPatch, rated_nm: float
+) -> None:
+    """6076 in mN m; the file says 257 N m, and one per mille of it is 0.257 N m."""
+    bench = Bench()
+    read = bench.drive.node.sdo.read
+
+    def reads(index: int, sub: int) -> bytes:
+        return round(1e3 * rated_nm).to_bytes(4, "little") if index == 0x6076 else read(index, sub)
+
+    monkeypatch.setattr(bench.drive.node.sdo, "read", reads)
+    bench.open()
+    assert bench.drive.opened.units.torque_unit_nm == pytest.approx(1e-3 * rated_nm)
+    bench.drive.close()
+
+
+# --- parameters -------------------------------------------------------------------------------------------------------
+
+
+def test_a_watch_of_the_heartbeat_is_shown_as_node_and_ms() -> None:
+    row = check.compare(check.WantedParameter(0x1016, 1, 0x007F_012C, "watch"), 0x0003_1388)
+    assert "want node 127, 300 ms, have node 3, 5000 ms" in row.line
+
+
+def test_after_a_long_hold_up_one_parameter_is_asked_for() -> None:
+    asked, parameters = Asked(), wanted_of(settings(), None)
+    watch = ParameterWatch(asked, parameters, 0.004)  # type: ignore[arg-type]
+    watch.scan(1_000_000)
+    for _ in range(round(ROUND_S / 0.004 / len(parameters)) - 1):
+        watch.scan(1)
+    assert len(asked.reads) == 1
+
+
+# --- times and noise --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("stepped", "spread"), [(True, 0.0), (False, 0.25)])
+def test_a_scan_of_a_stepped_drive_is_never_late(stepped: bool, spread: float) -> None:
+    """Held up for 9 ms, 2.25 periods of 4 ms: its drive has waited for SYNC."""
+    bench = Bench().open()
+    bench.scan(DISABLE)
+    bench.link.stepped = stepped
+    bench.link.pause(0.009 - (bench.link.now_s() - bench.drive._sampled_s))
+    assert bench.scan(DISABLE).spread_scans == pytest.approx(spread, abs=1e-6)
+    bench.link.stepped = True
+    bench.drive.close()
+
+
+def test_the_nodes_beside_are_released_with_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, told = Bench().open(), list[str]()
+    monkeypatch.setattr(bench.drive.beside, "release", lambda: told.append("released"))
+    bench.drive.close()
+    assert told == ["released"]
+
+
+def test_a_ring_that_differs_by_more_than_a_hundredth_of_a_degree_is_told() -> None:
+    """2^20 steps in a turn: 29 of them are 0.00996 deg."""
+    encoder: Any = neighbours(load_encoder=RING).encoder
+    encoder.node.watch.data = bytes(6)
+    for steps, told in ((29, 0), (30, 1)):
+        encoder.node.remote.sdo = Dictionary({(0x6004, 0): steps, (0x6503, 0): 0}, {0x6503: 2})
+        assert len(encoder.node.compare()) == told
