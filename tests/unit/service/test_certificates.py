@@ -102,3 +102,19 @@ def test_a_certificate_that_is_gone_is_told_as_one_that_ends(tmp_path: Path) -> 
     with pytest.raises(UsageError, match=r"some\.pem: No such file or directory"):
         validity(file)
     assert CertificateWatch().due([file], NOW) == [f"SEC-11 {file}: No such file or directory"]
+
+
+def der(tag: int, *parts: bytes) -> bytes:
+    content = b"".join(parts)
+    assert len(content) < 128
+    return bytes([tag, len(content)]) + content
+
+
+@pytest.mark.parametrize("version", [b"", der(0xA0, der(0x02, b"\x02"))])
+def test_a_certificate_of_the_first_version_has_no_number_of_it(tmp_path: Path, version: bytes) -> None:
+    """X.509 version 1 leaves it out (RFC 5280, section 4.1): serial number, algorithm and issuer come first."""
+    times = der(0x30, der(0x17, b"300601120000Z"), der(0x17, b"310601120000Z"))
+    body = der(0x30, version, der(0x02, b"\x07"), der(0x30), der(0x30), times, der(0x30), der(0x30))
+    file = tmp_path / "some.der"
+    file.write_bytes(der(0x30, body, der(0x30), der(0x03, b"\x00")))
+    assert validity(file) == (NOW, datetime(2031, 6, 1, 12, tzinfo=UTC))

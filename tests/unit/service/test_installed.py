@@ -62,7 +62,9 @@ def test_what_was_installed_is_as_it_was_installed(site: Path) -> None:
     (site / "house" / "__pycache__" / "x.cpython-311.pyc").write_bytes(b"x")
     (site / "house" / "x.py~").write_text("old")
     (site / "house" / "notes.txt").write_text("mine")
-    assert check_installed(installed, site / "house") == InstalledFiles(6, ())
+    parts: list[float] = []
+    assert check_installed(installed, site / "house", parts.append) == InstalledFiles(6, ())
+    assert parts == pytest.approx([k / 6 for k in range(1, 7)])
 
 
 def _flip(path: Path) -> None:
@@ -147,6 +149,23 @@ def test_without_hashes_of_what_runs_there_is_nothing_to_compare_with(site: Path
     assert check_installed(installed, copy) is None
     (site / "house-1.dist-info" / "RECORD").unlink()
     assert check_installed(installed, site / "house") is None
+
+
+def test_an_install_that_is_gone_is_not_what_runs(site: Path, tmp_path: Path) -> None:
+    installed = record(site, "house")
+    copy = tmp_path / "sources" / "house"
+    shutil.move(site / "house", copy)
+    assert check_installed(installed, copy) is None
+
+
+def test_a_module_that_the_record_names_without_a_hash_was_put_there(site: Path) -> None:
+    installed = record(site, "house")
+    (site / "house" / "new.py").write_text("import os\n")
+    with (site / "house-1.dist-info" / "RECORD").open("a") as lines:
+        lines.write("house/new.py,,\n")
+    result = check_installed(installed, site / "house")
+    assert result is not None
+    assert result.changed == ("house/new.py",)
 
 
 def run_of(site: Path, state: Path, *command: str) -> subprocess.CompletedProcess[str]:

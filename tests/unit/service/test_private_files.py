@@ -7,6 +7,8 @@ import stat
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -91,3 +93,22 @@ def test_a_secret_of_the_user_of_the_service_is_for_nobody_else(
         file.chmod(mode)
         found.append(exposed(file) == "")
     assert found == [True, False, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("owner", "mode", "open_to_others"),
+    [
+        (0, 0o600, False), (0, 0o640, False), (0, 0o644, True),
+        (1000, 0o600, False), (1000, 0o640, True), (1001, 0o600, True), (1001, 0o400, True),
+    ],
+)  # fmt: skip
+def test_a_service_of_its_own_user_reads_its_keys_and_those_of_root(
+    monkeypatch: pytest.MonkeyPatch, owner: int, mode: int, open_to_others: bool
+) -> None:
+    """User 1000: a group may read a key of root, and none of the service."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    file: Any = SimpleNamespace(
+        stat=lambda: SimpleNamespace(st_uid=owner, st_mode=stat.S_IFREG | mode),
+        open=Path(os.devnull).open,
+    )
+    assert bool(exposed(file)) is open_to_others

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from gantryctl.errors import StateError
 from gantryctl.operation.store import PeerName
 from gantryctl.service.memory import memory as memory_module
+from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.supervisor import selftest, users_kept
 from gantryctl.service.supervisor.installed import InstalledFiles
@@ -30,14 +32,16 @@ class Store:
 
     def __init__(self, directory: Path, *left: bool) -> None:
         self.directory, (self.retained, self.plant) = directory, left or (False, False)
+        self.locked = False
 
     def __enter__(self) -> None:
-        pass
+        self.locked = True
 
     def __exit__(self, *_: object) -> None:
-        pass
+        self.locked = False
 
     def load_retained(self) -> object:
+        assert self.locked, "another process may have the machine"
         return "memory" if self.retained else None
 
     def load_plant(self) -> object:
@@ -82,18 +86,21 @@ def test_a_secret_that_others_read_fails(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("local", "retained", "plant", "ok"),
+    ("local", "retained", "plant", "ok", "text"),
     [
-        (True, False, False, True), (True, True, True, True), (True, True, False, False), (True, False, True, False),
-        (False, True, False, True), (False, False, False, True),
+        (True, False, False, True, "a new machine"), (True, True, True, True, "retained memory and plant read"),
+        (True, True, False, False, "gantryctl sim reset"), (True, False, True, False, "gantryctl sim reset"),
+        (False, True, False, True, "retained memory read"), (False, False, False, True, "no retained memory yet"),
     ],
 )  # fmt: skip
 def test_a_simulated_plant_belongs_to_its_memory_and_a_real_one_has_none(
-    tmp_path: Path, local: bool, retained: bool, plant: bool, ok: bool
+    tmp_path: Path, local: bool, retained: bool, plant: bool, ok: bool, text: str
 ) -> None:
     machine: Any = SimpleNamespace(plant_is_local=local)
     store: Any = Store(tmp_path, retained, plant)
-    assert selftest._state(machine, store)[0] is ok
+    found, said = selftest._state(machine, store)
+    assert found is ok
+    assert said.endswith(text)
 
 
 @pytest.mark.parametrize(("free_mb", "ok"), [(15.9, False), (16.0, True), (1000.0, True)])
@@ -134,6 +141,68 @@ def test_memory_that_does_not_give_back_what_it_took_fails(monkeypatch: pytest.M
         assert not selftest._memory()[0]
     monkeypatch.setattr(memory_module.SequenceLock, "read", lambda _: b"something else")
     assert not selftest._memory()[0]
+
+
+@pytest.mark.parametrize(("resolution_s", "ok"), [(9.9e-6, True), (1e-5, False)])
+def test_the_clock_is_finer_than_a_hundredth_of_a_scan(
+    monkeypatch: pytest.MonkeyPatch, resolution_s: float, ok: bool
+) -> None:
+    info = SimpleNamespace(resolution=resolution_s)
+    monkeypatch.setattr(selftest, "time", SimpleNamespace(get_clock_info=lambda _: info))
+    assert selftest._clock()[0] is ok
+
+
+def test_what_is_left_of_a_journal_is_no_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who takes the journal away and leaves a mirror or the anchors is noticed."""
+    verdict = SimpleNamespace(wrong="events are missing", rows=0)
+    monkeypatch.setattr(selftest, "verify", lambda *_, **__: verdict)
+    places = places_of(tmp_path)
+    left = (places.database, *places.mirrors, places.anchors)
+    assert len(left) >= 3
+    for path in left:
+        assert selftest._journal(tmp_path) == (True, "a new one")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+        assert selftest._journal(tmp_path) == (False, "events are missing")
+        path.unlink()
+
+
+def test_the_key_of_the_journal_is_there_behind_the_self_test(tmp_path: Path) -> None:
+    key = places_of(tmp_path).key
+    assert not key.exists()
+    assert checks_in(tmp_path)["journal key"].ok
+    assert key.exists()
+
+
+def test_every_open_secret_is_named(tmp_path: Path) -> None:
+    secrets = [tmp_path / name for name in ("one", "two", "three")]
+    for secret in secrets:
+        secret.write_bytes(b"secret")
+        secret.chmod(0o600 if secret.name == "two" else 0o644)
+    text = checks_in(tmp_path, *secrets)["secrets"].text
+    assert [str(secret) in text for secret in secrets] == [True, False, True]
+
+
+def test_state_that_is_no_json_is_a_check_that_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def damaged(*_: object) -> tuple[bool, str]:
+        raise json.JSONDecodeError("no value", "x", 0)
+
+    monkeypatch.setattr(selftest, "_state", damaged)
+    check = checks_in(tmp_path)["state"]
+    assert (check.ok, check.vital) == (False, True)
+    assert "no value" in check.text
+
+
+def test_the_check_of_the_files_tells_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def check(_: object, __: object, watch: Callable[[float], None] = lambda part: None) -> None:
+        watch(0.25)
+
+    parts: list[float] = []
+    monkeypatch.setattr(selftest, "check_installed", check)
+    machine: Any = SimpleNamespace(plant_is_local=True)
+    store: Any = Store(tmp_path)
+    selftest.self_test(machine, store, tmp_path, RetentionPolicy(), [], parts.append)
+    assert parts == [0.25]
 
 
 # --- a change of users --------------------------------------------------------------------------------

@@ -94,6 +94,8 @@ def test_a_process_that_cannot_be_started_is_tried_again(monkeypatch: pytest.Mon
     said = keeping(child, check)
     words = "SYS-06 recorder could not be started: Resource temporarily unavailable; started again in"
     assert said == [f"{words} {pause} s" for pause in ("0", "0.1", "0.3")]
+    # Three that were none do not count.
+    assert child.starts == 1
 
 
 def test_a_process_that_hangs_is_ended_and_started_again() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import select
 import signal
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,13 +18,13 @@ import pytest
 from gantryctl.errors import DeviceError
 from gantryctl.machine import config_hash, default_machine
 from gantryctl.service.clients.hub import Hub
-from gantryctl.service.memory.memory import Word
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor import child as child_module
 from gantryctl.service.supervisor import process
 from gantryctl.service.supervisor.child import HANG_S, START_S, Child, Relief
 from gantryctl.service.supervisor.process import Options, Supervisor
-from gantryctl.service.supervisor.users import Users
+from gantryctl.service.supervisor.users import FORMAT, Users
 
 
 class Part:
@@ -57,6 +59,7 @@ class Desk:
         self.now_s, self.handlers = 1000.0, dict[int, Callable[[], None]]()
         self.patch, self.root, self.said = monkeypatch, root, list[str]()
         self.events: list[tuple[Any, ...]] = []
+        self.watch: Callable[..., Any] = self.nothing
         monkeypatch.setattr(process, "Child", lambda *given, **how: Part(self.did, *given, **how))
         monkeypatch.setattr(process, "notify", self.did.append)
         monkeypatch.setattr(process, "time", SimpleNamespace(monotonic=lambda: self.now_s, monotonic_ns=int))
@@ -69,8 +72,10 @@ class Desk:
     def options(self, **more: Any) -> Options:
         return Options(RetentionPolicy(), list, False, Users(self.root), {"clock": "fine"})._replace(**more)
 
-    def made(self, *, page: bool = True, **options: Any) -> Supervisor:
+    def made(self, *, page: bool | str = True, **options: Any) -> Supervisor:
         gateway, opcua = (["gate", "way"], ["op", "cua"]) if page else (None, None)
+        if isinstance(page, str):
+            options["page"] = page
         config, directory = self.root / "machine.toml", self.root / "state"
         found = Supervisor(
             default_machine(),
@@ -84,6 +89,7 @@ class Desk:
         )
         found.hub.events.put = lambda kind, text, *_, **values: self.event(kind, text, values)  # type: ignore[method-assign]
         found.hub.refusals.close = lambda: self.did.append("refusals closed")  # type: ignore[method-assign]
+        self.patch.setattr(found.memory, "close", lambda: self.did.append("memory closed"))
         return found
 
     def event(self, kind: str, text: str, values: dict[str, Any]) -> int:
@@ -108,7 +114,7 @@ class Desk:
             self.patch.setattr(
                 asyncio.get_running_loop(), "add_signal_handler", self.handlers.__setitem__, raising=False
             )
-            self.patch.setattr(supervisor, "_watch", self.nothing)
+            self.patch.setattr(supervisor, "_watch", self.watch)
 
             def ready() -> None:
                 self.did.append("ready")
@@ -122,6 +128,9 @@ class Desk:
 @pytest.fixture
 def desk(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Desk:
     return Desk(monkeypatch, tmp_path)
+
+
+ACCOUNT = {"role": "viewer", "salt": "00", "key": "00", "n": 2, "r": 1, "p": 1, "since": ""}
 
 
 def part(child: Any) -> Part:
@@ -205,7 +214,8 @@ def test_the_axis_ends_first_and_the_journal_last_whatever_signal_comes(desk: De
     assert desk.did == [
         "self-test", "recorder kept", "controller kept", "gateway kept", "opcua kept", "socket opened", "ready",
         "READY", "STOPPING", "the service ends", "gateway left", "opcua left", "controller ended in 25 s",
-        "gateway ended in 8 s", "opcua ended in 8 s", "refusals closed", "recorder ended in 8 s", "socket closed",
+        "gateway ended in 8 s", "opcua ended in 8 s", "refusals closed", "recorder ended in 8 s", "memory closed",
+        "socket closed",
     ]  # fmt: skip
     assert ended == [False, True]
     assert desk.events[0] == ("service", "self-test", {"clock": "fine"})
@@ -214,7 +224,7 @@ def test_the_axis_ends_first_and_the_journal_last_whatever_signal_comes(desk: De
 def test_a_controller_that_cannot_be_kept_ends_the_service_with_an_error(desk: Desk) -> None:
     made = desk.made(page=False)
     assert desk.run(made, part(made.controller).over.set) == DeviceError.exit_code != 0
-    assert desk.did[-3:] == ["refusals closed", "recorder ended in 8 s", "socket closed"]
+    assert desk.did[-4:] == ["refusals closed", "recorder ended in 8 s", "memory closed", "socket closed"]
 
 
 @pytest.mark.parametrize("how", ["too long", "ended"])
@@ -240,9 +250,71 @@ def test_a_controller_that_does_not_start_leaves_no_process_behind(desk: Desk, h
         desk.run(made, lambda: None)
     assert turns == (21 if how == "too long" else 1)
     assert "ready" not in desk.did
-    assert desk.did[-4:] == [
-        "controller ended in 25 s", "refusals closed", "recorder ended in 8 s", "socket closed"
+    assert desk.did[-5:] == [
+        "controller ended in 25 s", "refusals closed", "recorder ended in 8 s", "memory closed", "socket closed"
     ]  # fmt: skip
+
+
+def test_a_watch_that_fails_ends_the_service_in_order_with_its_reason(desk: Desk) -> None:
+    async def fails() -> None:
+        raise ValueError("no clock")
+
+    desk.watch = fails
+    with pytest.raises(DeviceError, match=r"the first process of the service failed.*no clock"):
+        desk.run(desk.made(page=False), lambda: None)
+    assert desk.did[-5:-1] == [
+        "controller ended in 25 s", "refusals closed", "recorder ended in 8 s", "memory closed"
+    ]  # fmt: skip
+
+
+def test_a_service_that_is_ended_while_its_socket_opens_is_never_ready(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def start() -> None:
+        desk.handlers[signal.SIGTERM]()
+        await asyncio.sleep(0)
+
+    monkeypatch.setattr(desk, "start", start)
+    assert desk.run(desk.made(), lambda: None) == 0
+    assert not {"ready", "READY"} & set(desk.did)
+    assert "controller ended in 25 s" in desk.did
+
+
+def test_the_local_socket_knows_persons_and_the_page(desk: Desk) -> None:
+    """Two accounts of one person are one person, here too."""
+    given: list[Any] = []
+    sources: list[Source] = []
+
+    def server(*each: Any) -> Any:
+        given.extend(each)
+        return SimpleNamespace(start=desk.start, close=desk.close)
+
+    def hub(memory: SharedMemory, source: Source) -> Hub:
+        sources.append(source)
+        return Hub(memory, source)
+
+    desk.patch.setattr(process, "Hub", hub)
+    desk.patch.setattr(process, "LocalServer", server)
+    desk.patch.setattr(process, "LinkGiver", lambda _, page: page)
+    made = desk.made(page="https://gantry/")
+    users = made._options.users
+    users.path.write_text(
+        json.dumps({"format": FORMAT, "users": {"anna.s": {**ACCOUNT, "person": "anna"}}}), encoding="utf-8"
+    )
+
+    def hit() -> None:
+        desk.handlers[signal.SIGTERM]()
+
+    assert desk.run(made, hit) == 0
+    directory, its_hub, person, page = given
+    assert (directory, its_hub, page) == (desk.root / "state", made.hub, "https://gantry/")
+    assert [person(account) for account in ("anna.s", "anna")] == ["anna", ""]
+    assert sources == [Source.LOCAL]
+
+
+def test_without_a_log_of_the_bus_the_recorder_is_told_of_none(desk: Desk) -> None:
+    recorder = part(desk.made().recorder)
+    assert recorder.command[-1] == str(recorder.handles[1])
 
 
 def test_a_start_that_is_ended_waits_for_no_controller(desk: Desk) -> None:
@@ -275,7 +347,8 @@ def watched(desk: Desk, supervisor: Supervisor, *steps_s: float) -> list[list[st
     class Over(Exception):
         pass
 
-    async def sleep(_: float) -> None:
+    async def sleep(pause_s: float) -> None:
+        assert pause_s == 1.0
         looks.append(list(desk.did))
         desk.did.clear()
         step_s = next(steps, None)
@@ -314,10 +387,14 @@ def test_users_are_looked_at_each_second_and_certificates_each_hour(desk: Desk) 
     changes = iter([["anna was added"], [], ["ben was removed"], []])
     watch = SimpleNamespace(changes=lambda: next(changes), file_ns=12)
     asked: list[Any] = []
+    today = datetime(2030, 6, 1, 12, tzinfo=UTC)
 
-    def due(files: object, _: object) -> list[str]:
+    def due(files: object, now: datetime) -> list[str]:
         asked.append(files)
+        assert now == today
         return ["it ends"]
+
+    desk.patch.setattr(process, "datetime", SimpleNamespace(now=today.astimezone))
 
     desk.patch.setattr(process, "UserWatch", lambda _: watch)
     desk.patch.setattr(process, "CertificateWatch", lambda: SimpleNamespace(due=due))
@@ -499,6 +576,37 @@ def test_a_process_that_is_being_made_when_all_ends_is_ended_too(monkeypatch: py
 
     asyncio.run(whole())
     assert did == ["making", "asked", "ended"]
+
+
+@pytest.mark.parametrize("gone", ["terminate", "kill"])
+def test_a_process_that_has_just_gone_is_no_failure_of_whoever_ends_it(gone: str) -> None:
+    """Between the last look at it and the signal: a failure here would leave the others running."""
+    did: list[str] = []
+    over = asyncio.Event()
+
+    def asked() -> None:
+        did.append("asked")
+        if gone == "terminate":
+            over.set()
+            raise ProcessLookupError
+
+    def killed() -> None:
+        did.append("killed")
+        over.set()
+        raise ProcessLookupError
+
+    async def wait() -> None:
+        await over.wait()
+
+    child = Child("gateway", [], [], beat_ns=lambda: 0)
+    process_: Any = SimpleNamespace(returncode=None, terminate=asked, kill=killed, wait=wait)
+    child.process = process_
+    asyncio.run(child.end(0.01))
+    assert did == (["asked"] if gone == "terminate" else ["asked", "killed"])
+    said: list[str] = []
+    child.end_hung(said.append, round((START_S + 1.0) * 1e9))
+    assert did[-1] == "killed"
+    assert len(said) == 1
 
 
 def test_a_process_that_was_never_started_needs_no_end() -> None:

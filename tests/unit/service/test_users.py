@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import stat
+from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -148,7 +151,8 @@ def test_an_unknown_name_costs_as_much_as_a_known_one(tmp_path: Path, quick: lis
     users.check("anna", PASSWORD)
     users.check("carl", PASSWORD)
     assert len(quick) == 2
-    assert len({(user.n, user.r, user.p, len(user.salt)) for user in quick}) == 1
+    # 32 MB a check (decision 0011): 128 x n x r bytes.
+    assert {(user.n, user.r, user.p, len(user.salt)) for user in quick} == {(32_768, 8, 1, 32)}
 
 
 def test_a_new_password_leaves_role_and_person_and_removes_nobody(tmp_path: Path, quick: list[User]) -> None:
@@ -198,3 +202,68 @@ def test_a_password_counts_to_its_last_character(tmp_path: Path, monkeypatch: py
     assert found == [True, False, False, False]
     users.check("anna", "x" * 10**5)
     assert [len(secret) for secret in secrets] == [256, 256, 256, 255, 257, 257]
+
+
+@pytest.mark.parametrize("person", ["Anna", "anna ", "a b"])
+def test_a_new_account_belongs_to_a_plain_person(tmp_path: Path, quick: list[User], person: str) -> None:
+    """Two spellings of one person would be two persons."""
+    with pytest.raises(UsageError, match="person"):
+        Users(tmp_path).add("anna.service", Role.SERVICE, PASSWORD, person)
+
+
+def test_a_password_was_set_at_a_time_of_the_whole_world(
+    tmp_path: Path, quick: list[User], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noon = datetime(2030, 6, 1, 12, tzinfo=UTC)
+
+    def now(zone: object = None) -> datetime:
+        return noon if zone is UTC else noon.replace(hour=14, tzinfo=None)
+
+    monkeypatch.setattr(module, "datetime", SimpleNamespace(now=now))
+    users = Users(tmp_path / "new" / "root")
+    users.add("anna", Role.VIEWER, PASSWORD)
+    assert users.all()["anna"].since == "2030-06-01T12:00:00Z"
+
+
+@pytest.mark.parametrize("what", ["salt", "key"])
+def test_a_hash_that_is_none_is_damage_before_anybody_logs_in(
+    tmp_path: Path, quick: list[User], what: str
+) -> None:
+    users = Users(tmp_path)
+    users.add("anna", Role.VIEWER, PASSWORD)
+    found = json.loads(users.path.read_text(encoding="utf-8"))
+    found["users"]["anna"][what] = "no number"
+    users.path.write_text(json.dumps(found), encoding="utf-8")
+    with pytest.raises(StateError, match="users cannot be read"):
+        users.all()
+
+
+def test_every_change_of_one_write_is_told(tmp_path: Path, quick: list[User]) -> None:
+    users = Users(tmp_path)
+    users.add("anna", Role.VIEWER, PASSWORD)
+    watch = UserWatch(users)
+    watch.changes()
+    (user,) = users.all().values()
+    users._store({"anna": user._replace(role=Role.ADMIN, person="bela", key="00")})
+    assert watch.changes() == [
+        "user anna has the role admin now, before it was viewer",
+        "user anna is an account of bela now, before of anna",
+        "user anna has a new password",
+    ]
+
+
+def test_a_file_that_is_written_in_place_is_seen(tmp_path: Path, quick: list[User]) -> None:
+    """As an editor does it: the same file of the same size, at another time."""
+    users = Users(tmp_path)
+    users.add("anna", Role.VIEWER, PASSWORD)
+    watch = UserWatch(users)
+    watch.changes()
+    before = users.path.stat()
+    text = users.path.read_text(encoding="utf-8")
+    users.path.write_text(text.replace('"anna": {', '"ilse": {'), encoding="utf-8")
+    os.utime(users.path, ns=(before.st_mtime_ns, before.st_mtime_ns + 1_000_000_000))
+    after = users.path.stat()
+    assert (after.st_ino, after.st_size) == (before.st_ino, before.st_size)
+    assert watch.changes() == [
+        "user anna was removed", "user ilse was added, role viewer, an account of anna"
+    ]  # fmt: skip
