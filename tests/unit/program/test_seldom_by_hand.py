@@ -7,21 +7,32 @@ from fractions import Fraction
 
 import pytest
 
-from gantryctl.image import BufferMode, DigitalInputs, DriveState, EncoderFlag, LinkFlag
+from gantryctl.image import (
+    BufferMode,
+    DigitalInputs,
+    Direction,
+    DriveFeedback,
+    DriveState,
+    EncoderFlag,
+    LinkFlag,
+)
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.command_checks import way_to
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.axis.turns import Turns
 from gantryctl.program.blocks import Power
+from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.oscillation import Oscillation
+from gantryctl.program.monitors.running_fit import RunningFit
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.monitors.torque_model import TorqueModel
-from gantryctl.program.power.brake_test import BrakeTest
+from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome, BrakeTestPhase
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts
@@ -137,6 +148,27 @@ def test_three_bad_readings_within_a_tenth_of_a_second_are_a_fault(last, codes):
     assert encoder.codes == codes
 
 
+@BOTH
+def test_a_scan_behind_a_flag_is_looked_at_like_any_other(way):
+    """Off, 0.05 deg/s and then the other way: looked at closely a sign that turns, beyond 0.0154 deg/s."""
+    told = {"encoder_shows_twist": True, "speed_change_per_torque": rad(0.2)}
+    encoder = Encoder(0.001, way * 0.05, state=OFF, monitors=told)
+    encoder.scan(encoder=EncoderFlag.WARNING)
+    encoder.scan()
+    encoder.speed_deg_s = -way * 0.05
+    encoder.scan()
+    assert encoder.codes == ["ENC-06"]
+
+
+def test_a_drive_that_was_never_heard_had_no_torque():
+    parts = Parts()
+    feedback = Feedback(parts.settings, parts.alarms)
+    for _ in range(2):
+        feedback.scan(DriveFeedback(DriveState.UNKNOWN, 0.0, 0.0, 0.0, False, False, 0.0), 0.0)
+        assert not feedback.energised
+        assert not feedback.state_old
+
+
 # --- the axis ---------------------------------------------------------------------------------------------------------
 
 
@@ -247,6 +279,32 @@ def test_the_zero_is_kept_half_a_turn_at_most_from_where_the_axis_rests(counts, 
     assert Turns(Fraction(100), 30.0).kept_zero(counts, 1000) == kept
 
 
+def test_at_rest_a_turn_is_taken_back_beyond_one_and_a_half():
+    turns = Turns(Fraction(100), 0.0)
+    for way in (1.0, -1.0):
+        assert turns.due(way * 1.5 * math.pi, resting=True, cruising=False) == 0
+        assert turns.due(way * math.nextafter(1.5 * math.pi, 9.0), resting=True, cruising=False) == way
+
+
+def test_half_a_turn_less_the_window_is_the_shortest_way_back():
+    """An angle that lies less than the window beyond half a turn the other way is reached forward."""
+    window = rad(0.005)
+    limit = window - math.pi
+    assert way_to(0.0, limit, Direction.SHORTEST, window) == limit
+    assert way_to(0.0, math.nextafter(limit, -9.0), Direction.SHORTEST, window) == approx(math.pi + window)
+
+
+def test_a_move_of_the_local_operator_needs_no_enabling_switch():
+    """Above 1 deg/s a remote one does."""
+    rig = powered()
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.run(0.01)
+    rig.move(5.0)
+    assert rig.axis.refusal is None
+    rig.until(lambda: rig.program.move.done, 5.0)
+    assert rig.pos_deg == approx(5.0, abs=0.005)
+
+
 # --- monitors ---------------------------------------------------------------------------------------------------------
 
 
@@ -314,6 +372,29 @@ def test_the_acceleration_in_which_the_axis_is_watched_anew_explains_no_brake(wa
     parts.feedback.torque_nm = way * 205.0
     parts.after(lambda: watch.scan(off, 0.0), most_s=0.031)
     assert parts.codes == ["BRK-14"]
+
+
+@BOTH
+def test_a_shaft_that_is_back_at_its_command_was_held_back_and_is_no_more(way):
+    """One scan 0.06 deg/s off, one at its command; 203 N m more that come then are a load, and no brake."""
+    parts = Parts()
+    parts.feedback.torque_nm = way * 20.0
+    watch = TorqueWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    parts.turn(way * 3.0)
+    watch.scan(rad(-way * 0.06), 0.0)
+    watch.scan(0.0, 0.0)
+    parts.feedback.torque_nm = way * 223.0
+    parts.after(lambda: watch.scan(0.0, 0.0), most_s=0.1)
+    assert parts.codes == []
+
+
+def test_sums_that_are_no_numbers_are_no_memory_of_a_fit():
+    fit = RunningFit(1, 0.0, 1.0, 1.0)
+    for sums in ([1.0, math.nan, 2.0, 3.0], [1.0, math.inf, 2.0, 3.0], [1.0, 2.0]):
+        assert not fit.restore(sums)
+        assert fit.sums == [0.0] * 4
+    assert fit.restore([1.0, 2.0, 3.0, 4.0])
+    assert fit.sums == [1.0, 2.0, 3.0, 4.0]
 
 
 @BOTH
@@ -411,6 +492,18 @@ def test_a_brake_test_tells_its_largest_way_and_gives_no_torque_when_it_has_ende
     assert not test.under_way
 
 
+def test_a_brake_test_that_is_over_is_not_taken_up_again():
+    """Stopped as the drive is enabled; a second stop, and one behind the last phase."""
+    test = BrakeTest(64.0, rad(0.02), 385.0, 0.001)
+    test.prepare(0.0)
+    for _ in range(2):
+        test.end(BrakeTestOutcome.ABORTED, W.STOPPED)
+        assert test.phase is BrakeTestPhase.DISABLING
+    test.finish()
+    test.end(BrakeTestOutcome.ABORTED, W.STOPPED)
+    assert not test.under_way
+
+
 def test_a_refusal_of_power_is_shown_as_long_as_it_is_asked_for():
     rig = Rig()
     rig.drive.inputs = DigitalInputs(estop_ok=False)
@@ -421,3 +514,30 @@ def test_a_refusal_of_power_is_shown_as_long_as_it_is_asked_for():
     power(enable=False)
     assert not power.error
     assert power.error_id is None
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("turns_in", "codes"), [(None, ["INT-03", "ENC-02"]), (2, ["INT-03", "ENC-02"]), (5, ["INT-03"])]
+)
+def test_torque_that_goes_in_a_stop_turns_the_shaft_or_the_reading_is_frozen(turns_in, codes, way):
+    """40 N m at rest, 30 are enough to show; what the load turns within three scans, behind the open brake, proves
+    nothing of the torque.
+    """
+    rig = Rig()
+    rig.power_up()
+    rig.axis.power._twist._fine = True
+    held = rig.scan
+
+    def spoil(drive):
+        scans = rig.scan - held
+        counts = drive.pos_act_counts - (way if turns_in is not None and scans >= turns_in else 0.0)
+        return drive._replace(
+            torque_act_nm=way * 40.0 if scans <= 0 else 0.0, brake_open=scans < 50, pos_act_counts=counts
+        )
+
+    rig.spoil = spoil
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.run(0.02)
+    assert rig.codes == codes
+    assert rig.axis.power.phase is P.TORQUE_OFF
