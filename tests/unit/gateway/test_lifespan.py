@@ -17,8 +17,11 @@ from gantryctl.gateway.peers import is_forwarded
 from gantryctl.gateway.rest import _numbers
 from gantryctl.gateway.routes import API
 from gantryctl.gateway.settings import Settings
+from gantryctl.program import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Role
 
 
@@ -74,6 +77,24 @@ def test_at_its_end_nobody_is_connected_any_more(
     asyncio.run(gateway.live(during))
     assert not [*hub.clients()]
     assert not gateway.killed
+
+
+def test_what_was_refused_and_counted_is_written_at_the_end(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gateway = Gateway(tmp_path, memory, monkeypatch)
+    (hub,) = gateway.hubs
+    written: list[str] = []
+    monkeypatch.setattr(hub.events, "put", lambda kind, text, *_, **values: written.append(text))
+    refused = MessageRefused(Code.SEC_01, reason=Words.LOG_IN_FIRST)
+
+    async def during() -> None:
+        for _ in range(3):
+            hub.refusals.put_text(Identity("", "anna", Role.VIEWER, "remote"), "read", "x", "view", refused)
+
+    asyncio.run(gateway.live(during))
+    assert len(written) == 2
+    assert "2 times in" in written[1]
 
 
 def test_a_part_that_fails_ends_the_whole(

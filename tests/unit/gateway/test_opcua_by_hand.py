@@ -16,6 +16,7 @@ asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not instal
 from asyncua import ua  # noqa: E402
 from asyncua.common.utils import ServiceError  # noqa: E402
 from asyncua.crypto.permission_rules import UserRole  # noqa: E402
+from asyncua.ua.ua_binary import struct_to_binary  # noqa: E402
 
 from gantryctl.errors import StateError  # noqa: E402
 from gantryctl.gateway.opcua import channel as channel_module  # noqa: E402
@@ -25,6 +26,7 @@ from gantryctl.gateway.opcua import services as services_module  # noqa: E402
 from gantryctl.gateway.opcua import trust  # noqa: E402
 from gantryctl.gateway.opcua.listener import Connection, Listener  # noqa: E402
 from gantryctl.gateway.opcua.people import People, Reader  # noqa: E402
+from gantryctl.gateway.opcua.reading import Bounded  # noqa: E402
 from gantryctl.gateway.opcua.server import _SAID, POLICIES  # noqa: E402
 from gantryctl.gateway.opcua.space import AddressSpace, _status, _value  # noqa: E402
 from gantryctl.gateway.opcua.units import information, normal_range  # noqa: E402
@@ -159,6 +161,13 @@ def test_an_angle_that_gets_old_loses_its_good_status_though_it_stays_the_same()
     assert nodes["ReadActualTorque.Torque"].written[0] == (7.0, S.Good)
 
 
+def test_an_angle_that_is_not_believed_has_no_value() -> None:
+    made, nodes = space()
+    asyncio.run(made.show({"pos_act_deg": None, "vel_act_deg_s": 1.5}, 0.0))
+    assert nodes["ReadActualPosition.Position"].written == [(None, S.BadSensorFailure)]
+    assert nodes["ReadActualVelocity.Velocity"].written == [(1.5, S.Good)]
+
+
 def test_before_the_first_picture_nothing_is_shown() -> None:
     made, nodes = space()
     for tags, age_ms in (({}, 0.0), ({"pos_act_deg": 0.0}, math.inf)):
@@ -289,6 +298,47 @@ def test_every_row_of_a_list_is_revoked(tmp_path: Path, monkeypatch: pytest.Monk
     assert known.refresh()
     assert known._serials == {5, 7, 9}
     assert not known.refresh()
+
+
+@pytest.mark.parametrize(
+    ("revoked", "trusted"),
+    [({}, 1), ({"list": b"good"}, 1), ({".list": b"bad"}, 1), ({"a": b"bad", "b": b"good"}, 0), ({"b": b"bad"}, 0)],
+)  # fmt: skip
+def test_a_list_of_revoked_ones_that_cannot_be_read_voids_the_other_list(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, revoked: dict[str, bytes], trusted: int
+) -> None:
+    """Whatever is read behind it; a file with a dot is one that is being copied here."""
+
+    def rows(data: bytes) -> list[Any]:
+        if data == b"bad":
+            raise ValueError("no list")
+        return [SimpleNamespace(serial_number=5)]
+
+    monkeypatch.setattr(trust, "_revoked", rows)
+    monkeypatch.setattr(trust, "_certificate", lambda data: data)
+    monkeypatch.setattr(trust, "_der", lambda data: data)
+    monkeypatch.setattr(trust, "_is_authority", lambda data: False)
+    known = trust.TrustList(tmp_path, SimpleNamespace(put=lambda *_: None))  # type: ignore[arg-type]
+    (tmp_path / "trusted" / "client").write_bytes(b"client")
+    for name, data in revoked.items():
+        (tmp_path / "revoked" / name).write_bytes(data)
+    assert known.refresh()
+    assert len(known._known) == trusted
+
+
+def test_a_certificate_in_letters_may_stand_behind_a_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `openssl x509 -text` writes it."""
+    read = {
+        f"load_{kind}_x509_{what}": lambda _, kind=kind: kind
+        for kind in ("pem", "der")
+        for what in ("certificate", "crl")
+    }
+    monkeypatch.setattr(trust, "x509", SimpleNamespace(**read))
+    for data, kind in (
+        (b"Certificate:\n  Version: 3\n-----BEGIN CERTIFICATE-----", "pem"),
+        (b"0\x82", "der"),
+    ):
+        assert (trust._certificate(data), trust._revoked(data)) == (kind, kind)
 
 
 def test_no_request_is_looked_at_while_the_client_takes_no_answers() -> None:
@@ -492,6 +542,7 @@ def test_the_error_is_the_alarm_that_stopped_the_axis_with_its_code_and_its_text
     rows = [
         {"code": "CTL-02", "text": "a consequence", "first_out": False},
         {"code": "INT-06", "text": "the cause", "first_out": True},
+        {"code": "CTL-03", "text": "another one", "first_out": False},
     ]
     asyncio.run(made.show({"alarms": rows}, 0.0))
     asyncio.run(made.show({"alarms": rows[:1]}, 0.0))
@@ -672,3 +723,151 @@ def test_the_journal_names_whose_session_has_ended(
     ((text, who),) = whose
     assert text == "OPC UA session ended: the user has changed"
     assert (who and who.user) == name
+
+
+# --- requests of a channel --------------------------------------------------------------------------------------
+
+
+def test_a_client_that_closes_its_channel_is_let_go() -> None:
+    channel = channel_of(b"certificate")
+    channel._greeted, channel._open, channel._until_s = True, True, math.inf
+    channel._received = lambda header, body: None
+    for kind, goes_on in ((ua.MessageType.SecureMessage, True), (ua.MessageType.SecureClose, False)):
+        assert asyncio.run(channel.take(SimpleNamespace(MessageType=kind), None)) is goes_on
+    channel._until_s = 0.0
+    with pytest.raises(channel_module.ChannelRefused):
+        asyncio.run(channel.take(SimpleNamespace(MessageType=ua.MessageType.SecureMessage), None))
+
+
+def test_nothing_comes_before_hello() -> None:
+    """By it the lengths of chunks are agreed on."""
+    channel = channel_of(b"")
+    channel._greeted = channel._open = False
+    opened: list[Any] = []
+    channel._open_channel = lambda *what: opened.append(what)
+    for kind in (ua.MessageType.SecureOpen, ua.MessageType.SecureMessage, ua.MessageType.SecureClose):
+        with pytest.raises(channel_module.ChannelRefused) as refused:
+            asyncio.run(channel.take(SimpleNamespace(MessageType=kind), None))
+        assert refused.value.status == S.BadTcpMessageTypeInvalid
+    assert not opened
+
+
+@pytest.mark.parametrize(
+    ("request_", "parameters", "name", "item", "most"),
+    [
+        ("Read", ua.ReadParameters, "NodesToRead", ua.ReadValueId, 1000),
+        ("Browse", ua.BrowseParameters, "NodesToBrowse", ua.BrowseDescription, 100),
+        (
+            "TranslateBrowsePathsToNodeIds",
+            ua.TranslateBrowsePathsToNodeIdsParameters,
+            "BrowsePaths",
+            ua.BrowsePath,
+            100,
+        ),
+        ("RegisterNodes", ua.RegisterNodesParameters, "NodesToRegister", ua.NodeId, 1000),
+        ("UnregisterNodes", ua.UnregisterNodesParameters, "NodesToUnregister", ua.NodeId, 1000),
+    ],
+)
+def test_each_service_takes_so_many_at_once(
+    request_: str, parameters: Any, name: str, item: Any, most: int
+) -> None:
+    """Answers to browse are long: a hundred."""
+    rule = services_module.READING[getattr(ua.ObjectIds, f"{request_}Request_Encoding_DefaultBinary")]
+    for count in (most, most + 1):
+        asked = parameters()
+        setattr(asked, name, [item() for _ in range(count)])
+        body = Bounded(struct_to_binary(asked))
+        if count == most:
+            assert len(rule(None, body)) > most  # type: ignore[arg-type]
+            continue
+        with pytest.raises(ServiceError) as refused:
+            rule(None, body)  # type: ignore[arg-type]
+        assert refused.value.code == S.BadTooManyOperations
+
+
+def test_a_session_that_was_closed_takes_no_room() -> None:
+    channel = channel_of(b"certificate")
+    for state in ("Closed", "Activated", "Created"):
+        session = SimpleNamespace(state=SimpleNamespace(name=state))
+        channel._sessions.append(SimpleNamespace(session=session))
+    channel._sessions.append(SimpleNamespace(session=None))
+    channel._may_create = lambda body: None
+
+    async def room() -> str:
+        return "room"
+
+    channel._room = room
+    assert asyncio.run(channel._judged(channel_module.CREATE, None, None)) == ("room", None)
+    assert [each.session.state.name for each in channel._sessions] == ["Activated", "Created"]
+
+
+@pytest.mark.parametrize(
+    ("token", "activated", "user", "status"),
+    [
+        ("other", True, Reader(UserRole.User, "anna", ANNA), S.BadSessionIdInvalid),
+        ("own", False, Reader(UserRole.User, "anna", ANNA), S.BadSessionNotActivated),
+        ("own", True, SimpleNamespace(name="somebody"), S.BadSessionNotActivated),
+        ("own", True, Reader(UserRole.User, "anna", ANNA), S.BadServiceUnsupported),
+    ],
+)
+def test_only_a_session_of_a_reader_asks(token: str, activated: bool, user: Any, status: int) -> None:
+    session = SimpleNamespace(
+        state=SimpleNamespace(name="Activated"), auth_token="own", user=user, is_activated=lambda: activated
+    )
+    channel = channel_of(b"certificate")
+    channel._sessions.append(SimpleNamespace(session=session))
+    with pytest.raises(ServiceError) as refused:
+        asyncio.run(channel._judged(99_999, SimpleNamespace(AuthenticationToken=token), None))
+    assert refused.value.code == status
+
+
+def test_a_refusal_answers_its_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(channel_module, "nodeid_from_binary", lambda _: ua.NodeId(1, 0))
+    monkeypatch.setattr(channel_module, "read_header", lambda _: SimpleNamespace(RequestHandle=4711))
+    channel, said = channel_of(b"certificate"), list[Any]()
+    faults = [ServiceError(S.BadUserAccessDenied), ValueError("no request")]
+
+    async def judged(*_: Any) -> Any:
+        raise faults.pop()
+
+    channel._judged = judged
+    channel._answers = SimpleNamespace(send_response=lambda handle, *_: said.append(handle))
+    for _ in range(2):
+        asyncio.run(channel._request(None, None))
+    assert said == [4711, 4711]
+
+
+def test_a_client_is_known_by_its_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 16 digits of SHA-256: "abc" begins with ba7816bf 8f01cfea (FIPS 180-4, appendix)."""
+    asked: list[Any] = []
+
+    async def admit(*what: Any) -> bool:
+        asked.append(what)
+        return True
+
+    token = ua.UserNameIdentityToken()
+    monkeypatch.setattr(channel_module, "judge_identity", lambda _: None)
+    wanted = SimpleNamespace(UserIdentityToken=token, ClientSignature=SimpleNamespace(Signature=b""))
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda *_: wanted)
+    channel = channel_of(b"abc")
+    channel.address = "192.0.2.7"
+    channel._secure = SimpleNamespace(
+        security_policy=SimpleNamespace(
+            host_certificate=b"", AsymmetricEncryptionURI="", peer_certificate=b"abc",
+            asymmetric_cryptography=SimpleNamespace(verify=lambda *_: None),
+        )
+    )  # fmt: skip
+    channel._wall.people = SimpleNamespace(admit=admit)
+    channel._wall.internal = SimpleNamespace(decrypt_user_token=lambda *_: ("anna", "right"))
+    asyncio.run(channel._may_activate(SimpleNamespace(nonce=b""), SimpleNamespace(copy=lambda: None)))
+    assert asked == [("anna", "right", b"abc", "ba7816bf8f01cfea", "192.0.2.7")]
+
+
+def test_nothing_is_written_to_a_connection_that_ends_already(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        wire.closing = True
+        connection.refuse(S.BadDecodingError, "a stranger")
+        assert wire.did[1:] == []
+        assert wall.refused == [("192.0.2.7", 1)]
+
+    on_a_wire(monkeypatch, check)

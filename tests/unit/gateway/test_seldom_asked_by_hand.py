@@ -1,0 +1,304 @@
+"""What a door is seldom asked: odd headers, addresses and files, a session that comes back, a second pause, by hand."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from starlette.requests import Request
+from starlette.websockets import WebSocket
+
+from gantryctl.gateway import access as access_module
+from gantryctl.gateway import server
+from gantryctl.gateway.access import CONSOLE_COOKIE, COOKIE, Access, person
+from gantryctl.gateway.live import Live
+from gantryctl.gateway.peers import local_user
+from gantryctl.gateway.places import Place
+from gantryctl.gateway.routes import API
+from gantryctl.gateway.server import PatientProtocol
+from gantryctl.gateway.sessions import SESSIONS_OF_USER, Session, Sessions
+from gantryctl.gateway.settings import Settings, neighbourhood
+from gantryctl.gateway.traces import Traces
+from gantryctl.service.clients.console_link import LinkTaker
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import User
+from unit.gateway import test_patience
+from unit.gateway.test_door_by_hand import Connection, with_door
+from unit.gateway.test_doors_by_hand import HERE, JSON, Headers, guard, scope
+from unit.gateway.test_patience import GET, Wire, connected
+from unit.gateway.test_sessions import Clock
+
+ANNA = User("anna", Role.OPERATOR, "Anna", "", "", 1, 1, 1, "")
+BEN = ANNA._replace(name="ben", person="Ben")
+
+
+@pytest.fixture
+def access(tmp_path: Path) -> Iterator[Access]:
+    memory = SharedMemory.create()
+    settings = Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path)
+    yield Access(settings, Hub(memory, Source.WEB), LinkTaker(memory.words))
+    memory.close()
+
+
+# --- sessions -------------------------------------------------------------------------------------------------------
+
+
+def sessions(*users: User) -> tuple[Sessions, Clock, dict[str, User]]:
+    """Sessions of users whose file is read in every request."""
+    known, clock = {each.name: each for each in users}, Clock()
+    stamps = iter(range(10**6))
+    path = SimpleNamespace(stat=lambda: SimpleNamespace(st_mtime_ns=next(stamps), st_ino=1))
+    return Sessions(SimpleNamespace(path=path, all=lambda: dict(known)), clock), clock, known  # type: ignore[arg-type]
+
+
+def test_a_session_that_has_ended_does_not_come_back_with_its_role() -> None:
+    made, _, known = sessions(ANNA)
+    session = made.open(ANNA, "here")
+    known["anna"] = ANNA._replace(role=Role.VIEWER)
+    assert made.find(session.token) is None
+    known["anna"] = ANNA
+    assert made.find(session.token) is None
+
+
+def test_a_session_that_was_idle_for_a_quarter_of_an_hour_has_ended() -> None:
+    made, clock, _ = sessions(ANNA)
+    session = made.open(ANNA, "here")
+    clock.s += 899.5
+    assert made.lives(session)
+    clock.s += 0.5
+    assert not made.lives(session)
+
+
+def test_sixteen_sessions_of_one_user_end_none_of_another() -> None:
+    made, clock, _ = sessions(ANNA, BEN)
+    own = []
+    for _ in range(SESSIONS_OF_USER):
+        clock.s += 1.0
+        own.append(made.open(ANNA, "here"))
+    made.open(BEN, "here")
+    assert all(map(made.lives, own))
+    made.open(ANNA, "here")
+    assert [made.lives(each) for each in own] == [False] + [True] * (SESSIONS_OF_USER - 1)
+
+
+def test_a_session_names_its_person_and_not_its_account() -> None:
+    session = Session("t", "op1", Role.OPERATOR, "Anna", "k", "here", 0.0, 0.0)
+    assert {key: person(session)[key] for key in ("user", "person", "role")} == {
+        "user": "op1", "person": "Anna", "role": "operator",
+    }  # fmt: skip
+
+
+# --- requests -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [b"application/json; charset=utf-8", b"Application/JSON ;x=1"])
+def test_json_may_say_its_letters(access: Access, kind: bytes) -> None:
+    assert access.refuse(Request(scope("POST", headers=[(b"content-type", kind)])), None) is None
+
+
+def test_the_cookie_of_the_console_goes_with_the_browser(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access_module, "local_user", lambda _: 1000)
+    monkeypatch.setattr(access.links, "take", lambda token, uid: True)
+    said = access.open_console(Request(scope()), "0" * 16).headers["set-cookie"]
+    assert said.startswith(f"{CONSOLE_COOKIE}=")
+    assert "max-age" not in said.lower()
+
+
+def test_who_could_not_log_in_has_no_role(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+
+    async def check(name: str, password: str) -> None:
+        return None
+
+    monkeypatch.setattr(access, "_check", check)
+    monkeypatch.setattr(access.hub.events, "put", lambda kind, text, who, **_: told.append(who))
+    asyncio.run(access.log_in(Request(scope("POST")), "anna", "guess"))
+    assert [who.role for who in told] == [Role.VIEWER]
+
+
+@pytest.mark.parametrize(
+    ("head", "key"), [(b"Cookie", "session t"), (b"cookie", "session t"), (b"X-Cookie", ""), (b"cookie2", "")]
+)
+def test_only_the_cookie_names_the_party_of_a_connection(access: Access, head: bytes, key: str) -> None:
+    session = Session("t", "anna", Role.OPERATOR, "", "", "here", 0.0, 0.0)
+    door = guard(access)
+    door._session = lambda asked: session if asked.cookies.get(COOKIE) == "t" else None
+    assert door.session_of(b"GET / HTTP/1.1\r\n" + head + b": " + f"{COOKIE}=t".encode() + b"\r\n") == key
+
+
+def test_only_the_login_takes_from_the_reserve_of_logins(access: Access) -> None:
+    door = guard(access)
+    for path in (f"{API}/loginx", f"{API}/login/x", f"{API}/logout"):
+        for _ in range(100):
+            door._wait_s(scope(path=path))
+    assert door._wait_s(scope(path=f"{API}/login")) == 0.0
+
+
+def test_a_page_that_was_unused_for_a_minute_makes_room_for_the_seventeenth(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(access.hub, "make_room", lambda *what: asked.append(what))
+    session = access.sessions.open(ANNA, "here")
+    monkeypatch.setattr(access, "session", lambda _: session)
+
+    async def nothing(*_: Any) -> Any:
+        return None
+
+    headers: Headers = [(b"host", HERE), (b"origin", b"http://127.0.0.1:1"), JSON]
+    socket = WebSocket({**scope(headers=headers), "type": "websocket", "extensions": {}}, nothing, nothing)
+    asyncio.run(Live(access, access.hub).serve(socket))
+    assert asked == [("anna", 16, 60.0)]
+
+
+# --- addresses ------------------------------------------------------------------------------------------------------
+
+
+def test_a_server_without_a_port_has_no_local_users() -> None:
+    assert local_user({"client": ("127.0.0.1", 1), "server": ("/run/socket", None)}) is None
+
+
+def test_a_network_of_ipv6_is_one_whatever_its_interface_is_called() -> None:
+    assert {neighbourhood(each) for each in ("fe80::1%eth0", "fe80::2%7", "fe80::3")} == {"fe80::/64"}
+    assert neighbourhood("192.0.2.7") == neighbourhood("::ffff:192.0.2.7") == "192.0.2.7"
+
+
+def test_hosts_have_small_letters_and_brackets() -> None:
+    made = Settings("2001:DB8::1", 443, -1, "c", "k", ("Gantry.Example",), Path(), Path())
+    assert made.hosts == {"[2001:db8::1]:443", "[2001:db8::1]", "gantry.example:443", "gantry.example"}
+    assert made._replace(port=80).hosts == {"[2001:db8::1]:80", "gantry.example:80"}
+    plain = made._replace(certificate=None, port=80)
+    assert plain.hosts == {"[2001:db8::1]:80", "[2001:db8::1]", "gantry.example:80", "gantry.example"}
+
+
+# --- recordings -----------------------------------------------------------------------------------------------------
+
+
+def test_recordings_have_world_time_and_those_under_way_are_not_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("000001_x.parquet", "000002_x.parquet.part", "000003_x.txt"):
+        (tmp_path / name).write_bytes(b"abc")
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        (row,) = Traces(tmp_path).rows()
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+    assert (row["name"], row["size"]) == ("000001_x.parquet", 3)
+    assert row["modified"].endswith("+00:00")
+
+
+# --- a connection ---------------------------------------------------------------------------------------------------
+
+
+def test_a_second_pause_of_an_answer_has_its_whole_time_and_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "STUCK_S", 0.03)
+
+    async def check(made: PatientProtocol, wire: Wire, place: Place) -> None:
+        made.data_received(GET)
+        made.pause_writing()
+        made.pause_writing()
+        made.resume_writing()
+        await asyncio.sleep(0.05)
+        assert wire.ended == ""
+        made.pause_writing()
+        await asyncio.sleep(0.05)
+        assert wire.ended == "aborted"
+
+    connected(check, [])
+
+
+def test_who_waits_for_a_body_that_is_no_http_is_told_that_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chunk without a length: the application gets no more of it, and must not wait."""
+    got: list[str] = []
+
+    async def app(_: Any, receive: Any, send: Any) -> None:
+        while not got or got[-1] == "http.request":
+            got.append((await receive())["type"])
+
+    monkeypatch.setattr(test_patience, "app", app)
+
+    async def check(made: PatientProtocol, wire: Wire, place: Place) -> None:
+        made.data_received(b"POST / HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\n\r\n3\r\nabc\r\n")
+        for _ in range(3):
+            await asyncio.sleep(0)
+        assert got == ["http.request"]
+        made.data_received(b"no length\r\n")
+        for _ in range(3):
+            await asyncio.sleep(0)
+        assert got == ["http.request", "http.disconnect"]
+        assert b" 400 " in wire.wrote.partition(b"\r\n")[0]
+
+    connected(check, [])
+
+
+def test_a_storm_of_connections_leaves_the_loop_to_others_after_sixteen() -> None:
+    async def check(door: Any, _: Any) -> None:
+        taken: list[int] = []
+
+        def accept() -> tuple[Any, tuple[str, int]]:
+            if len(taken) >= 200:
+                raise asyncio.CancelledError
+            taken.append(1)
+            return Connection(), ("192.0.2.7", 1)
+
+        async def sock_accept(listener: Any) -> Any:
+            return listener.accept()
+
+        asyncio.get_running_loop().sock_accept = sock_accept  # type: ignore[method-assign, assignment]
+        work = asyncio.create_task(door._take(SimpleNamespace(accept=accept)))
+        for turn in (1, 2):
+            await asyncio.sleep(0)
+            assert len(taken) == 16 * turn
+        work.cancel()
+
+    with_door(check)
+
+
+def test_a_cookie_behind_long_headers_names_the_party() -> None:
+    """4 KiB of a request are looked at."""
+
+    class Head(Connection):
+        def recv(self, size: int, flags: int) -> bytes:
+            return super().recv(size, flags)[:size]
+
+    async def check(door: Any, room: Any) -> None:
+        for length in (4090, 4100):
+            door._add(Head(b"x" * length + b"cookie"), ("192.0.2.7", 9))
+        door._sort()
+        assert [party for _, _, party in room.added] == ["session 1", "192.0.2.7"]
+
+    with_door(check, lambda head: "session 1" if head.endswith(b"cookie") else "")
+
+
+# --- the server -----------------------------------------------------------------------------------------------------
+
+
+def test_frames_are_not_compressed_and_the_end_takes_two_seconds(access: Access) -> None:
+    config = server.make_server(None, access.settings).config
+    assert (config.ws_per_message_deflate, config.timeout_graceful_shutdown) == (False, 2)
+    assert (config.limit_concurrency, config.ws_max_size) == (256, 16_384)
+
+
+@pytest.mark.parametrize(
+    ("level", "said", "kept"),
+    [
+        (logging.ERROR, "the program failed", True), (logging.WARNING, "a client has sent nonsense", False),
+        (logging.ERROR, "Invalid UTF-8 sequence received from client.", False),
+    ],
+)  # fmt: skip
+def test_only_errors_of_the_program_are_in_the_log_of_clients(level: int, said: str, kept: bool) -> None:
+    record = logging.LogRecord("uvicorn.error.clients", level, "", 0, said, (), None)
+    assert bool(logging.getLogger("uvicorn.error.clients").filter(record)) is kept
