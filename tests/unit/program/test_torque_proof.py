@@ -87,6 +87,59 @@ def test_a_fine_encoder_shows_the_turn_against_the_brake_in_the_direction_of_the
         assert parts.alarms.active[Code.ENC_02].values["time_ms"] == approx(100.0)
 
 
+# N m and counts of each scan of 10 ms from the one in which 30 N m were asked for, 2.2 s after a stop by the brake: a
+# load that swings turns the shaft against the torque, and the 4 counts by the torque are lost in it.
+_SWINGING = (
+    (0.0, 0), (0.3, -1), (30.1, 0), (30.1, 0), (30.6, -1), (27.5, -2), (24.9, -4), (21.6, -5), (18.8, -7), (15.9, -7),
+    (15.9, -9), (16.2, -10),
+)  # fmt: skip
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("at_once", "codes"),
+    [(0, []), (-2, ["ENC-12"]), (-4, ["ENC-12"])],
+    ids=["turned with it", "not at all", "turned against it"],
+)
+def test_a_load_that_swings_makes_no_wrong_sign_of_a_shaft_that_the_torque_turned_at_once(
+    way, at_once, codes
+):
+    """From -1 to 0 where the swing goes on to -2: by 2 counts the torque has turned the shaft as it came.
+
+    The same swing with a wrong sign of the torque's part, and without any: the swing alone shows nothing.
+    """
+    parts = Parts(0.010, monitors={"encoder_shows_twist": True})
+    proof, _ = proof_of(parts, way * 15.0)
+    begun, given = parts.feedback.counts, False
+    for scans, (torque_nm, counts) in enumerate(_SWINGING[1:], start=1):
+        parts.feedback.torque_nm = way * torque_nm
+        parts.feedback.counts = begun + way * (counts + (at_once if torque_nm > 1.0 else 0))
+        if given:
+            proof.settling_torque_nm(scans - 2)
+        else:
+            given = proof.given(scans)
+    assert given
+    assert proof.settled(10) is not bool(codes)
+    assert parts.codes == codes
+    assert parts.feedback.in_doubt is bool(codes)
+
+
+@BOTH
+@pytest.mark.parametrize(("turned", "codes"), [(4, []), (0, ["ENC-12"])])
+def test_what_the_shaft_turned_on_as_before_is_not_the_torque(way, turned, codes):
+    """4 counts in each scan of 4 ms against the torque, which comes within two scans."""
+    parts = Parts(0.004, monitors={"encoder_shows_twist": True})
+    proof, _ = proof_of(parts, way * 15.0)
+    begun = parts.feedback.counts
+    for scans, torque_nm in enumerate((0.0, 0.0, 12.0, 30.0), start=1):
+        parts.feedback.torque_nm = way * torque_nm
+        parts.feedback.counts = begun - way * (4 * scans - (turned if scans == 4 else 0))
+        given = proof.given(scans)
+    assert given
+    assert proof.settled(26) is not bool(codes)
+    assert parts.codes == codes
+
+
 @BOTH
 @PERIODS
 def test_the_holding_torque_is_learned_within_its_second_and_below_60_percent_of_the_rated_torque(

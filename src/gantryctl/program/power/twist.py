@@ -40,8 +40,6 @@ class Twist:
 
     def shown(self, torque_nm: float) -> bool:
         """Whether the reading has turned with the torque; else it is in doubt."""
-        # After a stop the load may still swing and turn the shaft both ways, by up to 36 counts of 2^22, but slowly:
-        # the torque has turned it at once.
         if self._with >= 1.0 or not self._fine:
             return True
         if not self.stood(torque_nm):
