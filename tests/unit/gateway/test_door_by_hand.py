@@ -111,6 +111,30 @@ def test_who_finds_no_place_is_closed_and_the_next_one_has_its_turn() -> None:
     with_door(check)
 
 
+def test_one_that_no_memory_is_left_for_is_closed_and_the_next_one_has_its_turn() -> None:
+    async def check(door: Any, room: Room) -> None:
+        greeted: list[Any] = []
+
+        async def greet(connection: Any, _: str) -> None:
+            greeted.append(connection)
+
+        def take(address: str) -> str:
+            if address == "large":
+                raise MemoryError
+            return "a place"
+
+        door._greet, door._places = greet, SimpleNamespace(take=take)
+        large, sound = Connection(), Connection()
+        for connection, address in ((large, "large"), (sound, "sound")):
+            door._add(connection, (address, 7))
+        work = asyncio.create_task(door._let_in())
+        await turns()
+        assert (large.closed, sound.closed, greeted) == (1, 0, [sound])
+        work.cancel()
+
+    with_door(check)
+
+
 def test_one_that_is_broken_is_closed_and_keeps_no_other_away() -> None:
     """Whatever it raises."""
 
@@ -261,6 +285,6 @@ def test_a_door_without_handles_pauses_and_says_so_once_a_minute(
             await door._take(SimpleNamespace())
 
     with_door(check)
-    assert slept == [module._PAUSE_S] * 4
+    assert slept == [0.2] * 4
     # At 0, 25, 50 and 75 s.
     assert len(caplog.records) == 2

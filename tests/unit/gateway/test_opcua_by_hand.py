@@ -22,6 +22,7 @@ from gantryctl.errors import StateError  # noqa: E402
 from gantryctl.gateway.opcua import channel as channel_module  # noqa: E402
 from gantryctl.gateway.opcua import listener as listener_module  # noqa: E402
 from gantryctl.gateway.opcua import people as people_module  # noqa: E402
+from gantryctl.gateway.opcua import server as server_module  # noqa: E402
 from gantryctl.gateway.opcua import services as services_module  # noqa: E402
 from gantryctl.gateway.opcua import trust  # noqa: E402
 from gantryctl.gateway.opcua.listener import Connection, Listener  # noqa: E402
@@ -871,3 +872,61 @@ def test_nothing_is_written_to_a_connection_that_ends_already(monkeypatch: pytes
         assert wall.refused == [("192.0.2.7", 1)]
 
     on_a_wire(monkeypatch, check)
+
+
+def test_the_opening_of_a_channel_has_one_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = SimpleNamespace(SecurityPolicyURI=channel_module.SecurityPolicyNone.URI, SenderCertificate=None)
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda *_: asked)
+    channel = channel_of(b"")
+    channel._open, channel._received = False, lambda *_: None
+    header, body = SimpleNamespace(body_size=0), SimpleNamespace(copy=lambda _: None)
+    with pytest.raises(channel_module.ChannelRefused) as refused:
+        channel._open_channel(header, body)
+    assert refused.value.status == S.BadTcpMessageTypeInvalid
+
+
+# --- the process ------------------------------------------------------------------------------------------------
+
+
+def test_each_turn_shows_the_newest_tags_and_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five times a second, and a turn that came late is told."""
+    did: list[Any] = []
+
+    class Open:
+        async def __aenter__(self) -> None:
+            did.append("open")
+
+        async def __aexit__(self, *_: object) -> None:
+            did.append("closed")
+
+        async def sweep(self) -> None:
+            did.append("swept")
+
+    async def show(tags: dict[str, Any], age_ms: float) -> None:
+        did.append((tags, age_ms))
+
+    async def made(settings: Any, events: Any) -> Any:
+        return Open(), SimpleNamespace(show=show)
+
+    async def sleep(time_s: float) -> None:
+        did.append(time_s)
+        raise asyncio.CancelledError
+
+    picture = SimpleNamespace(fast=lambda: ({"pos_act_deg": 1.5}, 7.0), slow=lambda: {"machine": "a"})
+    monkeypatch.setattr(server_module, "make_server", made)
+    monkeypatch.setattr(server_module, "Snapshot", lambda memory: picture)
+    monkeypatch.setattr(
+        server_module, "HeldUp", lambda name, tell: SimpleNamespace(look=lambda: did.append(f"{name} looked"))
+    )
+    monkeypatch.setattr(server_module.asyncio, "sleep", sleep)
+    memory: Any = SimpleNamespace(events={server_module.Source.OPCUA: None})
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(server_module.serve(server_module.Settings("", 1, "", ""), memory))
+    assert did == [
+        "open",
+        "opcua looked",
+        ({"pos_act_deg": 1.5, "machine": "a"}, 7.0),
+        "swept",
+        0.2,
+        "closed",
+    ]

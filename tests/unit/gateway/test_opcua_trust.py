@@ -18,6 +18,7 @@ from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
 from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
+from gantryctl.gateway.opcua import trust as trust_module  # noqa: E402
 from gantryctl.gateway.opcua.trust import (  # noqa: E402
     NotTrusted,
     TrustList,
@@ -75,6 +76,24 @@ def test_a_file_of_the_list_that_is_written_over_is_read_again(tmp_path: Path) -
     with pytest.raises(NotTrusted, match="not in the trust list"):
         listed.judge(one)
     assert told == ["OPC UA: the trust list was read again, 1 certificates"]
+
+
+@pytest.mark.parametrize(("late_us", "trusted"), [(-1, True), (0, True), (1, False)])
+def test_a_certificate_counts_until_its_last_moment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, late_us: int, trusted: bool
+) -> None:
+    certificate = of_client(ec.generate_private_key(ec.SECP256R1()), 5)
+    (tmp_path / "trusted").mkdir()
+    (tmp_path / "trusted" / "client").write_bytes(certificate.public_bytes(Encoding.DER))
+    listed = TrustList(tmp_path, SimpleNamespace(put=lambda *_: None))  # type: ignore[arg-type]
+    listed.refresh()
+    now = certificate.not_valid_after_utc + timedelta(microseconds=late_us)
+    monkeypatch.setattr(trust_module, "datetime", SimpleNamespace(now=lambda _: now))
+    if trusted:
+        assert listed.judge(certificate.public_bytes(Encoding.DER)) == certificate
+        return
+    with pytest.raises(NotTrusted, match="is valid from"):
+        listed.judge(certificate.public_bytes(Encoding.DER))
 
 
 AUTHORITY = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "authority")])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,14 +18,18 @@ from starlette.websockets import WebSocket
 from gantryctl.gateway import access as access_module
 from gantryctl.gateway import server
 from gantryctl.gateway.access import CONSOLE_COOKIE, COOKIE, Access, person
+from gantryctl.gateway.guard import error
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.peers import local_user
 from gantryctl.gateway.places import Place
-from gantryctl.gateway.routes import API
+from gantryctl.gateway.routes import API, openapi
 from gantryctl.gateway.server import PatientProtocol
 from gantryctl.gateway.sessions import SESSIONS_OF_USER, Session, Sessions
 from gantryctl.gateway.settings import Settings, neighbourhood
-from gantryctl.gateway.traces import Traces
+from gantryctl.gateway.traces import Traces, _chunks
+from gantryctl.program import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source
@@ -161,6 +166,21 @@ def test_a_page_that_was_unused_for_a_minute_makes_room_for_the_seventeenth(
     assert asked == [("anna", 16, 60.0)]
 
 
+def test_an_error_has_the_letters_of_its_words() -> None:
+    """Not their numbers: people read it in a terminal."""
+    said = bytes(error(422, refusal(Code.SEC_05, reason=Words.NO_RECORDING(name="门"))).body)
+    assert "门".encode() in said
+
+
+def test_a_login_and_a_logout_need_a_body() -> None:
+    """A form of another page cannot send JSON."""
+    paths = openapi()["paths"]
+    bodies = {path: each["post"]["requestBody"] for path, each in paths.items() if "post" in each}
+    assert {path: body["required"] for path, body in bodies.items()} == {
+        f"{API}/login": True, f"{API}/logout": True
+    }  # fmt: skip
+
+
 # --- addresses ------------------------------------------------------------------------------------------------------
 
 
@@ -198,6 +218,14 @@ def test_recordings_have_world_time_and_those_under_way_are_not_listed(
         time.tzset()
     assert (row["name"], row["size"]) == ("000001_x.parquet", 3)
     assert row["modified"].endswith("+00:00")
+
+
+@pytest.mark.parametrize("size", [0, 1, 256 * 1024, 256 * 1024 + 1])
+def test_a_recording_is_read_to_its_last_byte_and_no_further(tmp_path: Path, size: int) -> None:
+    (tmp_path / "one").write_bytes(b"x" * (size + 5))  # it has grown meanwhile
+    parts = [*_chunks(os.open(tmp_path / "one", os.O_RDONLY), size)]
+    assert sum(map(len, parts)) == size
+    assert max(map(len, parts), default=0) <= 256 * 1024
 
 
 # --- a connection ---------------------------------------------------------------------------------------------------
@@ -290,6 +318,9 @@ def test_frames_are_not_compressed_and_the_end_takes_two_seconds(access: Access)
     config = server.make_server(None, access.settings).config
     assert (config.ws_per_message_deflate, config.timeout_graceful_shutdown) == (False, 2)
     assert (config.limit_concurrency, config.ws_max_size) == (256, 16_384)
+    assert config.h11_max_incomplete_event_size == 16_384
+    # Nothing of a client is believed of where it is, nor written line by line.
+    assert (config.proxy_headers, config.access_log, config.server_header) == (False, False, False)
 
 
 @pytest.mark.parametrize(
