@@ -180,6 +180,9 @@ def test_what_was_seen_of_a_calibration_is_given_back_and_told() -> None:
     stand_in.load_side.watch = None
     restore_learned(stand_in, replace(NEW, calibration_watch='{"found": {}}'))
     assert len(given) == 2
+    # Nor is it asked of a machine without compensations.
+    assert axis.load_side is None
+    restore_learned(axis, replace(NEW, calibration_watch='{"found": {}}'))
 
 
 def test_brake_stops_of_all_runs_are_told_together() -> None:

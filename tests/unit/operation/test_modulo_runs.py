@@ -250,6 +250,7 @@ def test_an_axis_whose_controller_died_under_power_is_not_known() -> None:
                                  "can.channel": "can0"})  # fmt: skip
     assert not real.plant_is_local
     axis = Axis(axis_settings(real), float(REST))
+    RunMemory(real, axis, replace(KEPT, machine=real.name), None).forget_rest()  # a new machine has no memory
     with StateStore(real) as store:
         RunMemory(real, axis, replace(KEPT, machine=real.name), store).forget_rest()
     with StateStore(real) as store:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
@@ -16,13 +17,14 @@ from gantryctl.image import (
     EncoderFlag,
     LinkFlag,
 )
+from gantryctl.program import AxisProgram, AxisState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.axis.command_checks import way_to
+from gantryctl.program.axis.command_checks import check_target, way_to
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.axis.turns import Turns
-from gantryctl.program.blocks import Power
-from gantryctl.program.feedback import Feedback
+from gantryctl.program.blocks import MoveAbsolute, Power
+from gantryctl.program.feedback import ENABLED, Feedback
 from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.liveness import Liveness
@@ -305,6 +307,26 @@ def test_a_move_of_the_local_operator_needs_no_enabling_switch():
     assert rig.pos_deg == approx(5.0, abs=0.005)
 
 
+class AtOnce(AxisProgram):
+    """Moves in the scan in which power is on."""
+
+    def __init__(self, axis):
+        super().__init__(axis)
+        self.power, self.move = Power(axis), MoveAbsolute(axis)
+
+    def logic(self, image):
+        self.power(enable=True)
+        self.move(execute=self.power.status, position_rad=rad(5.0), velocity_rad_s=rad(6.0))
+
+
+def test_a_motion_of_the_scan_in_which_power_comes_on_shows_one_scan_later():
+    rig = Rig(AtOnce)
+    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 3.0)
+    assert rig.program.move.active
+    rig.step()
+    assert rig.axis.state is AxisState.DISCRETE_MOTION
+
+
 # --- monitors ---------------------------------------------------------------------------------------------------------
 
 
@@ -475,6 +497,53 @@ def test_no_friction_is_expected_of_an_axis_that_stands():
         assert model.expected_nm(0.0, way * rad(0.051), 0.0) == approx(way * 12.04, abs=0.01)
 
 
+@pytest.mark.parametrize(("growth", "told"), [(0.0, []), (math.ulp(0.15), ["ENC-12"])])
+def test_a_speed_may_grow_by_0_15_deg_s_to_the_bit(growth, told):
+    parts, watch = lives()
+    parts.feedback.torque_nm = -310.0
+    for speed in (0.0, rad(0.15) + growth):
+        parts.alarms.scan += 1
+        parts.feedback.vel_rad_s = speed
+        watch.drive_against()
+    assert parts.codes == told
+
+
+def test_a_standing_shaft_is_moved_forth_and_after_a_scan_of_nothing_back():
+    """By 8 counts of 2^22 in 8 scans of 1 ms, each way."""
+    parts = Parts(monitors={"encoder_still_time_s": 0.5, "torque_still_max_nm": 15.0})
+    watch = Liveness(parts.settings, parts.feedback, parts.holding, parts.alarms)
+    speeds = []
+    while not speeds or len(speeds) < 25:
+        parts.alarms.scan += 1
+        watch.stand(proven=True)
+        if speeds or watch.vel_rad_s:
+            speeds.append(watch.vel_rad_s)
+    speed = 8.0 * math.tau / 2**22 / 0.008
+    assert speeds[:21] == approx([speed] * 8 + [0.0] + [-speed] * 8 + [0.0] * 4)
+
+
+def test_a_drive_that_passes_switched_on_on_its_way_down_has_no_torque_any_more():
+    stop = Stop()
+    stop.scan(2, state=DriveState.SWITCHED_ON)
+    stop.scan(40, state=OFF, brake_open=False, deg_s=0.0)
+    stop.scan(41, over=True)
+    assert stop.value(W.TORQUE_OFF_AFTER, "time_ms") == approx(2.0)
+
+
+@BOTH
+def test_a_stop_before_a_sector_is_told_in_degrees(way):
+    """At 59.5 deg, 62 deg at the end of a stop; the sector begins at 60."""
+    parts = Parts()
+    sector = (rad(60.0), rad(120.0)) if way > 0.0 else (rad(-120.0), rad(-60.0))
+    config = replace(parts.settings, travel=replace(parts.settings.travel, no_go_rad=(sector,)))
+    monitors = Monitors(config, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    monitors.open_the_way_back(0.0)
+    monitors._beyond_travel(way * rad(59.5), way * rad(62.0), way * rad(3.0))
+    values = parts.alarms.active[Code.LIM_06].values
+    told = {"measured": way * 59.5, "position": way * 62.0, "begin": deg(sector[0]), "end": deg(sector[1])}
+    assert values == approx(told)
+
+
 # --- power ------------------------------------------------------------------------------------------------------------
 
 
@@ -502,6 +571,74 @@ def test_a_brake_test_that_is_over_is_not_taken_up_again():
     test.finish()
     test.end(BrakeTestOutcome.ABORTED, W.STOPPED)
     assert not test.under_way
+
+
+def test_a_brake_test_under_way_has_no_sentence():
+    test = BrakeTest(64.0, rad(0.02), 385.0, 0.001)
+    test.prepare(0.0)
+    assert test.result.text == ""
+
+
+def unloading():
+    """12 N m are about to go by the second of three steps."""
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING, 1.0)
+    while rig.axis.power._count < 49:
+        rig.step()
+    return rig
+
+
+def test_a_brake_that_slips_as_the_next_step_is_due_loses_no_more_torque():
+    rig = unloading()
+    rig.axis.power._slip._from_rad = rig.axis.pos_act_rad - rad(0.03)
+    before = rig.output.torque_ff_nm
+    rig.step()
+    assert rig.codes == ["BRK-03"]
+    assert rig.output.torque_ff_nm == before > 0.0
+    rig = unloading()
+    rig.step()
+    assert rig.output.torque_ff_nm < before
+
+
+def test_power_is_off_in_the_scan_in_which_the_drive_shows_it():
+    rig = powered()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.DISABLING, 1.0)
+    rig.until(lambda: rig.axis.feedback.state not in ENABLED, 0.1)
+    assert rig.axis.is_off
+
+
+@BOTH
+@pytest.mark.parametrize(("left_nm", "codes"), [(0.0, ["INT-03", "ENC-02"]), (15.0, ["INT-03"])])
+def test_torque_that_stays_need_not_have_turned_the_shaft(left_nm, codes, way):
+    """Of 40 N m 40 have gone, or 25; 30 are enough to show."""
+    rig = Rig()
+    rig.power_up()
+    rig.axis.power._twist._fine = True
+    held = rig.scan
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=way * (40.0 if rig.scan <= held else left_nm))
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.run(0.02)
+    assert rig.codes == codes
+
+
+def test_a_motion_without_power_is_refused_for_that_and_not_for_a_warning():
+    rig = Rig()
+    rig.step()
+    rig.axis.alarms.raise_(Code.BRK_02, Reaction.HLT, measured=80.0, share=31.0)
+    refused = rig.axis.motion.move_absolute(rad(5.0), rad(6.0)).refusal
+    assert refused is not None
+    assert refused.code is Code.PWR_03
+
+
+@BOTH
+def test_beyond_the_end_of_travel_the_angle_where_the_axis_stands_is_no_way_back(way):
+    travel = settings().travel
+    at = way * rad(180.3)
+    assert check_target(at, at, travel) is not None
+    assert check_target(at, math.nextafter(at, 0.0), travel) is None
 
 
 def test_a_refusal_of_power_is_shown_as_long_as_it_is_asked_for():
