@@ -17,11 +17,14 @@ from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.axis.load_side import Command, LoadSide
 from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.power import sequence
 from gantryctl.program.power.hold_watch import HoldWatch
+from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import rad
@@ -76,6 +79,56 @@ def test_a_bug_is_found_where_the_judge_has_learned(
     pair: int, until_s: float, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn = pair_scenario(1, pair, 4.0)
+    actions = tuple(each for each in drawn.actions if each.at_s < until_s)
+    scene = drawn.model_copy(update={"actions": actions, "duration_s": until_s})
+    assert play(scene).ok
+    plant(monkeypatch)
+    assert invariant in {each.invariant for each in play(scene).violations}
+
+
+def _torque_off_before_the_brake(patch: pytest.MonkeyPatch) -> None:
+    """The way down of an axis at rest takes its torque off, and the brake has yet to close."""
+    patch.setitem(sequence._STEPS, PowerPhase.CLOSING, lambda self, _: self._enter(PowerPhase.DISABLING))
+
+
+def _without_words(patch: pytest.MonkeyPatch, *codes: Code) -> None:
+    true = AlarmLog.raise_
+
+    def raise_(self: AlarmLog, code: Code, *reaction: Reaction | None, **values: object) -> None:
+        if code not in codes:
+            true(self, code, *reaction, **values)
+
+    patch.setattr(AlarmLog, "raise_", raise_)
+
+
+def _nothing_doubts_or_disobeys(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Feedback, "doubt", lambda *_, **__: None)
+    _without_words(patch, *(code for code in Code if code.startswith(("SYS-", "CTL-", "DRV-"))))
+
+
+@pytest.mark.parametrize(
+    ("pair", "scan_ms", "until_s", "plant", "invariant"),
+    [
+        # The state of the drive is not seen: that a relay takes its torque is told by nobody, but what is commanded is.
+        pytest.param(92276, 4.0, 3.0, _torque_off_before_the_brake, "INV-6", id="torque off unseen"),
+        # Nobody can end a wrong sign at rest while the controller stands still; one that goes on must.
+        pytest.param(80431, 4.0, 30.0, _nothing_doubts_or_disobeys, "INV-2", id="wrong sign at rest"),
+        pytest.param(70077, 1.0, 8.0, _brake_stays_open, "INV-6", id="outputs dead", marks=pytest.mark.slow),
+        pytest.param(
+            90374,
+            10.0,
+            30.0,
+            lambda patch: _without_words(patch, Code.CAN_13),
+            "INV-1",
+            id="nothing holds, and no word of the drive",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_bug_is_found_behind_each_excuse(
+    pair: int, scan_ms: float, until_s: float, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = pair_scenario(1, pair, scan_ms)
     actions = tuple(each for each in drawn.actions if each.at_s < until_s)
     scene = drawn.model_copy(update={"actions": actions, "duration_s": until_s})
     assert play(scene).ok

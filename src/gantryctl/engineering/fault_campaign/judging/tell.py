@@ -33,6 +33,9 @@ def tell(axis: AxisOracle, each: Injection, bench: FaultBench) -> None:
         known.reading_late_s = each.values["late_s"]
     if each.kind == "contact":
         known.contact_lies = each.values["open"]
+    if each.kind == "tpdo" and each.values["number"] == 1 and each.values["kind"] in ("drop", "length"):
+        lasts_s = math.inf if each.for_s is None else each.for_s
+        known.state_seen_ms = max(known.state_seen_ms, now.ms + 1e3 * lasts_s)
     if each.kind == "load_shift":
         known.load_share = lambda motor_rad: load_share(bench, motor_rad)
     if each.kind == "stall":

@@ -333,9 +333,9 @@ class AxisOracle:
         if known.of_feedback(now.ms):
             kind = StopClass.FEEDBACK
         else:
-            # What is told as a quick stop when the torque is off already has no ramp.
-            quick = first.reaction is _STOPS and self.energised and not known.no_ramp
-            kind = StopClass.QUICK if quick else StopClass.TORQUE_OFF
+            # What is told as a quick stop when the torque is off already is none.
+            quick = StopClass.NO_RAMP if known.no_ramp else StopClass.QUICK
+            kind = quick if first.reaction is _STOPS and self.energised else StopClass.TORQUE_OFF
         onset = known.recent_onset(now.ms)
         # What had its stop before a reset is no cause of another (seed 51621).
         begun = now if onset is None or onset.ms <= self._reset_ms else onset

@@ -25,6 +25,8 @@ class KnownFaults:
             at the beginning nothing shows it.
         contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
             may be told later than it is so.
+        state_seen_ms: until then the telegrams with the state of the drive do not come: nobody sees that a relay takes
+            its torque.
         held: the controller stands still, or has stood.
         load_share: of a load that has been moved, at a motor angle: what it asks for, in parts of what the brake has.
     """
@@ -34,6 +36,7 @@ class KnownFaults:
         self.no_ramp = self.pulls_away = self.contact_lies = False
         self.late_s = self.brake_late_s = self.reading_late_s = 0.0
         self.brake_share = 1.0
+        self.state_seen_ms = 0.0
         self.held: HeldUp | None = None
         self.load_share: Callable[[float], float] | None = None
         self._onset_of_feedback = self._disobeys = False

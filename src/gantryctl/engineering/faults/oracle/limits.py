@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from gantryctl.engineering.faults.case import ReactionClass
+from gantryctl.engineering.faults.case import ReactionClass, SeenBy
 from gantryctl.engineering.faults.limits import brake_slip_deg, computed_deg, held_up_deg
 from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.stops import StopClass as SimulatedStop
@@ -26,16 +26,19 @@ class StopClass(Enum):
 
     QUICK = "quick stop"
     TORQUE_OFF = "torque off and brake"
+    NO_RAMP = "a quick stop without a ramp, torque off and brake"
     FEEDBACK = "torque off and brake after a fault of the feedback"
     SILENCE = "drive and outputs by themselves after the last command"
 
 
 # deg of way from the fault to rest at 1, 3 and 6 deg/s. Quick: 0.06 s of reaction, the stop computed on the full
 # plant, and 2 %. Torque off and feedback are the worst of seeded runs, rounded up (fault catalogue, recomputed limits).
+# A quick stop without a ramp is that of torque off; where a plant passes it, from when the monitor of the ramp has seen it.
 # Silence: torque off and brake 0.2 s later, the longest that a watchdog or a heartbeat of these tests waits.
 _WAYS_DEG: Final = {
     StopClass.QUICK: (0.16, 1.04, 3.75),
     StopClass.TORQUE_OFF: (0.45, 1.4, 3.6),
+    StopClass.NO_RAMP: (0.45, 1.4, 3.6),
     StopClass.FEEDBACK: (0.8, 2.1, 4.5),
     StopClass.SILENCE: (0.65, 2.0, 4.8),
 }
@@ -44,6 +47,7 @@ _FROM_REST_DEG: Final = 0.35
 _REST_S: Final = {
     StopClass.QUICK: 1.5,
     StopClass.TORQUE_OFF: 1.5,
+    StopClass.NO_RAMP: 1.5,
     StopClass.FEEDBACK: 1.6,
     StopClass.SILENCE: 1.7,
 }
@@ -136,6 +140,7 @@ def bounds_of(machine: Machine) -> Bounds:
         rest_s={
             StopClass.QUICK: quick_s,
             StopClass.TORQUE_OFF: brake_s,
+            StopClass.NO_RAMP: brake_s,
             StopClass.FEEDBACK: brake_s + 0.1,
             StopClass.SILENCE: brake_s + 0.2,
         },
@@ -178,6 +183,8 @@ def _computed_way_deg(machine: Machine, kind: StopClass, speed_deg_s: float) -> 
     speed = abs(speed_deg_s)
     if kind is StopClass.SILENCE:
         return computed_deg(machine, ReactionClass.TORQUE_OFF, speed) + 0.2 * speed
+    if kind is StopClass.NO_RAMP:
+        return computed_deg(machine, ReactionClass.TORQUE_OFF, speed, SeenBy.RAMP)
     return computed_deg(machine, _REACTIONS[kind], speed)
 
 

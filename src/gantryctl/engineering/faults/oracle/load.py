@@ -71,7 +71,7 @@ class Load:
     def unheld(self, true: TrueAxis) -> None:
         """Torque is off: the brake must come, and an order other than brake first needs an alarm."""
         if self.off_unjudged:
-            if true.told_torque_off():
+            if true.told_torque_off() or true.ms < self._known.state_seen_ms:
                 self.off_unjudged = False
             elif true.ms - self._off_ms > _TOLD_MS and not self._known.stands_still:
                 self.off_unjudged = False
