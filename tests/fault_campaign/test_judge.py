@@ -113,6 +113,10 @@ def _nothing_doubts_or_disobeys(patch: pytest.MonkeyPatch) -> None:
         pytest.param(92276, 4.0, 3.0, _torque_off_before_the_brake, "INV-6", id="torque off unseen"),
         # Nobody can end a wrong sign at rest while the controller stands still; one that goes on must.
         pytest.param(80431, 4.0, 30.0, _nothing_doubts_or_disobeys, "INV-2", id="wrong sign at rest"),
+        # A quick stop without torque has the time in which the monitor of its ramp sees it, and no more.
+        pytest.param(
+            92165, 4.0, 19.5, lambda patch: _without_words(patch, Code.DRV_07), "INV-1", id="no ramp"
+        ),
         pytest.param(70077, 1.0, 8.0, _brake_stays_open, "INV-6", id="outputs dead", marks=pytest.mark.slow),
         pytest.param(
             90374,

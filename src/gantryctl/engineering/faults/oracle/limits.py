@@ -33,7 +33,7 @@ class StopClass(Enum):
 
 # deg of way from the fault to rest at 1, 3 and 6 deg/s. Quick: 0.06 s of reaction, the stop computed on the full
 # plant, and 2 %. Torque off and feedback are the worst of seeded runs, rounded up (fault catalogue, recomputed limits).
-# A quick stop without a ramp is that of torque off; where a plant passes it, from when the monitor of the ramp has seen it.
+# A quick stop without a ramp is as torque off, and where a plant passes that, from when the ramp is seen to be left.
 # Silence: torque off and brake 0.2 s later, the longest that a watchdog or a heartbeat of these tests waits.
 _WAYS_DEG: Final = {
     StopClass.QUICK: (0.16, 1.04, 3.75),
