@@ -19,6 +19,7 @@ from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState
 from gantryctl.machine import with_values
 from gantryctl.operation.client import Stop
 from gantryctl.runtime import Retained
+from unit.commissioning import hand_drive
 from unit.commissioning.hand_drive import (
     COUNTS_PER_DEG,
     MACHINE,
@@ -94,6 +95,29 @@ def test_single_readings_outside_of_the_band_do_not_add_up() -> None:
     drive.spoil = spoil
     axis.run(180 * PERIOD_S, speed_deg_s=0.3)
     assert drive.state is S.OPERATION_ENABLED
+
+
+@pytest.mark.parametrize(("readings", "stops"), [(1, False), (2, True)])
+def test_a_time_shorter_than_a_scan_is_one_scan(
+    monkeypatch: pytest.MonkeyPatch, readings: int, stops: bool
+) -> None:
+    """1 ms at scans of 4 ms: one reading that is off stops nothing."""
+    quick = with_values(MACHINE, {"monitors.velocity_deviation_time_ms": 1.0})
+    monkeypatch.setattr(hand_drive, "MACHINE", quick)
+    drive, axis = enabled()
+    axis.run(0.1, speed_deg_s=0.3)
+    left = [readings]
+
+    def spoil(seen: DriveFeedback) -> DriveFeedback:
+        left[0] -= 1
+        return seen._replace(vel_act_rad_s=math.radians(0.95) * 1144) if left[0] >= 0 else seen
+
+    drive.spoil = spoil
+    if stops:
+        with pytest.raises(AlarmStop, match="the axis turns at"):
+            axis.run(0.1, speed_deg_s=0.3)
+    else:
+        axis.run(0.1, speed_deg_s=0.3)
 
 
 def test_a_fault_that_shows_late_behind_a_silence_is_reset() -> None:
@@ -311,17 +335,18 @@ def test_a_break_off_keeps_its_time_from_the_set_up_of_a_lost_drive_on(
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-def test_a_gantry_that_turns_on_is_not_said_to_be_off(direction: int) -> None:
+@pytest.mark.parametrize(("speed_deg_s", "off"), [(0.049, True), (0.051, False)])
+def test_a_gantry_that_turns_on_is_not_said_to_be_off(direction: int, speed_deg_s: float, off: bool) -> None:
+    """0.05 deg/s of swing are rest."""
     drive, axis = enabled()
     turned = [0]
 
     def turning(seen: DriveFeedback) -> DriveFeedback:
-        # 0.1 deg/s.
-        turned[0] += direction * round(0.1 * PERIOD_S * COUNTS_PER_DEG)
+        turned[0] += direction * round(speed_deg_s * PERIOD_S * COUNTS_PER_DEG)
         return seen._replace(pos_act_counts=turned[0])
 
     drive.spoil = turning
-    assert "press the emergency stop" in axis.break_off()
+    assert ("press the emergency stop" in axis.break_off()) is not off
 
 
 def test_the_brake_is_closed_before_the_torque_goes_off() -> None:

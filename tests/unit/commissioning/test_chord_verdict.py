@@ -45,6 +45,7 @@ def test_the_same_readings_pass_and_fail_by_the_requirement(
     assert result.outcome is outcome
     assert "required by hust_gantry (tender 4711)" in result.proof
     assert result.figures["a_deg"].high == pytest.approx(angle_deg / 1.4)
+    assert result.figures["largest_chord_error_deg"].high == pytest.approx(angle_deg / 1.4)
     # A virtual gantry is watched by a simulated instrument, whatever its name.
     assert "by tracker (certificate D-K-4711), simulated" in result.proof
     # Two readings of 0.00001 deg make a chord: the root of two, and twice that.

@@ -520,6 +520,36 @@ def test_what_was_armed_is_for_one_step(free_room: Room) -> None:
     assert free_room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
 
 
+def test_what_is_armed_and_a_new_board_are_shown_at_once(free_room: Room) -> None:
+    assert free_room.ask(ANNA, "take", over=False) == ""
+    before = free_room.tags
+    assert (before["armed_action"], before["commissioning_results"]) == ("none", 1)
+    assert free_room.ask(ANNA, "arm", action="commission") == ""
+    assert free_room.tags["armed_action"] == "commission"
+    free_room.board.show(free_room.work)
+    assert free_room.tags["commissioning_results"] == 2
+
+
+def test_what_was_written_is_told_apart_from_what_is_kept(free_room: Room) -> None:
+    """No recorder takes the events of this room."""
+    free_room.begun("velocity")
+    tags = free_room.tags
+    assert tags["journal_sequence"] > 0
+    assert tags["journal_committed"] == 0
+
+
+@pytest.mark.parametrize(("key", "at_rest"), [("identity", True), ("velocity", False)])
+def test_only_a_step_that_moves_is_no_rest(free_room: Room, key: str, at_rest: bool) -> None:
+    free_room.begun(key)
+    assert free_room.tags["at_rest"] is at_rest
+
+
+def test_behind_a_step_that_moved_control_is_taken_over_as_before_it(free_room: Room) -> None:
+    free_room.begun("velocity")
+    free_room.desk.step_ended()
+    assert free_room.ask(OTHER, "take", over=True) == ""
+
+
 def test_a_step_ends_when_nobody_listens_any_more(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     free_room.begun("velocity")
     halt = free_room.desk.halt

@@ -108,6 +108,18 @@ def test_a_pulse_is_a_half_sine_and_then_rest() -> None:
     assert sum(pulse) * PERIOD_S == pytest.approx(0.03, rel=1e-4)
 
 
+def test_the_way_of_a_pulse_begins_where_the_axis_stood() -> None:
+    """It had moved by 0.01 deg since the drive was opened."""
+    axis: Any = SimpleNamespace(angle_deg=0.01, speed_deg_s=0.0, period_s=PERIOD_S)
+
+    def scan(_: object, speed_deg_s: float) -> None:
+        axis.angle_deg += speed_deg_s * PERIOD_S
+
+    axis.scan = scan
+    way_deg, _ = steps_sign._pulse(axis)
+    assert way_deg == pytest.approx(0.03, rel=1e-4)
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("given", [1.15, math.nextafter(1.15, 2.0), math.nan])
 def test_a_lowered_torque_limit_may_be_passed_by_15_percent(given: float, way: float) -> None:

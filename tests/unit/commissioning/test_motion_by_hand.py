@@ -39,12 +39,12 @@ def test_the_leash_of_a_stop_ends_with_the_way_that_it_may_take(
         assert asked == [pytest.approx(8.3), "enable", (speed, 1.0), (0.5, speed)]
 
 
-@pytest.mark.parametrize(("owner", "way_deg"), [("drive", 0.0), ("object_60FE", 0.053)])
+@pytest.mark.parametrize(("owner", "way_deg"), [("drive", 0.0), ("object_60FE", 0.0636)])
 def test_the_motor_goes_with_the_load_until_a_brake_that_nobody_works_has_closed(
     owner: str, way_deg: float
 ) -> None:
-    """0.53 deg/s of swing for 100 ms; a drive that owns its brake closes it before its torque goes."""
-    machine = with_values(MACHINE, {"brake.owner": owner, "brake.close_time_ms": 100.0})
+    """0.53 deg/s of swing for 120 ms; a drive that owns its brake closes it before its torque goes."""
+    machine = with_values(MACHINE, {"brake.owner": owner, "brake.close_time_ms": 120.0})
     assert steps_motion._unbraked_way_deg(context(machine)) == pytest.approx(way_deg)
 
 

@@ -160,6 +160,31 @@ def test_a_report_holds_a_figure_against_its_limit_and_against_the_one_before(
     assert report._row("ramp_deg_s2", figure, None).was == ""
 
 
+def test_a_report_has_small_numbers_without_an_exponent() -> None:
+    """Nobody reads 1.3e-05 deg beside 0.0033."""
+    shown = [report._number(value) for value in (1.3e-5, -1.3e-5, 0.0033)]
+    assert shown == ["0.000013", "\N{MINUS SIGN}0.000013", "0.0033"]
+
+
+def test_a_report_has_each_limit_with_its_unit_and_what_was_not_measured_without() -> None:
+    figures = {
+        "ramp_deg_s2": Figure(5.3, low=5.1),
+        "torque_nm": Figure(None, high=70.0),
+        "way_deg": Figure(1.0),
+    }
+    progress = Progress("m", "h", results={"a": StepResult("a", P, "", figures)})
+    assert [tuple(row)[:3] for row in report._required((A, B), progress)] == [
+        ("a: ramp", "at least 5.1 deg/s2", "5.3 deg/s2"), ("a: torque", "at most 70 N m", "not measured")
+    ]  # fmt: skip
+
+
+def test_each_picture_of_a_step_has_a_name_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "recorded", lambda picture, name: (picture.title, name))
+    result = StepResult("a", P, "", pictures=(Picture("there", ()), Picture("back", ())))
+    assert report._drawn(result) == [("there", "a-0"), ("back", "a-1")]
+    assert report._drawn(None) == []
+
+
 def test_a_report_names_what_a_person_has_accepted_and_counts_what_lacks() -> None:
     rows: Any = [SimpleNamespace(what=each.name, standing=each) for each in (*Standing, Standing.LACKING)]
     results = {key: StepResult(key, outcome, "") for key, outcome in (("brake", F), ("sign", P), ("loop", P))}
@@ -315,10 +340,18 @@ def test_a_step_gets_the_drive_as_it_was_found_and_leaves_its_pictures(
 def test_who_agreed_to_little_is_asked_before_more(made: Callable[..., Commissioning]) -> None:
     work = made(lambda each: each.key != "far")
     near, far = step("near", reach=Reach.STANDSTILL), step("far", reach=Reach.TRAVEL)
-    for each in (A, near, near, far, step("turn", reach=Reach.TRAVEL)):
+    for each in (
+        A,
+        near,
+        near,
+        step("further", reach=Reach.NEAR),
+        near,
+        far,
+        step("turn", reach=Reach.TRAVEL),
+    ):
         result = work.do(each)
         assert (result is None) is (each is far)
-    assert work.asked == ["near", "far", "turn"]  # type: ignore[attr-defined]
+    assert work.asked == ["near", "further", "far", "turn"]  # type: ignore[attr-defined]
     assert "far" not in work.progress.results
 
 
@@ -341,8 +374,9 @@ def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_no
     assert record.exists()
     stopped = Halt()
     stopped.ask(Stop.RAMP, "stopped by anna")
-    with pytest.raises(StepStopped, match="stopped by anna"):
-        work.do(Step("a", "", "", "", raising(AlarmStop("turned"))), stopped)
+    # With what the drive has confirmed.
+    with pytest.raises(StepStopped, match=r"^stopped by anna · torque off and brake closed$"):
+        work.do(Step("a", "", "", "", raising(AlarmStop("torque off and brake closed"))), stopped)
     assert record.exists()
     assert work.progress.results["a"].outcome is P
     faults = (AlarmStop("turned"), CommandRefused("not now"), DeviceError("no answer"))
@@ -610,3 +644,8 @@ def test_a_complete_report_says_from_when_to_when_and_by_whom() -> None:
     said = report._verdict(Progress("m", "h", results=results), True, (A, B, MAY))
     assert "All 2 required steps" in said
     assert said.endswith("Done from 2026-11-02 to 2026-11-05 by anna, otto.")
+    # A step of before that names nobody.
+    results["b"] = StepResult("b", P, "", at="2026-11-05")
+    assert report._verdict(Progress("m", "h", results=results), True, (A, B, MAY)).endswith(" by anna.")
+    alone = {"a": StepResult("a", P, "", at="2026-11-02")}
+    assert report._verdict(Progress("m", "h", results=alone), True, (A,)).endswith(" by nobody named.")

@@ -117,3 +117,11 @@ def test_a_ramp_may_be_as_soft_as_that_of_a_jog_key(monkeypatch: pytest.MonkeyPa
     machine: Machine = with_values(MACHINE, {"virtual_axis.jog_release_dec_deg_s2": 1.0})
     steps_lacks._stop_from(context(machine), speed)
     assert asked == [pytest.approx(10.98), "enable", ("ramp", speed, 1.0), ("run", 0.5, speed), (speed, 1.0)]
+
+
+def test_no_harder_ramp_is_proposed_than_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """4.98 deg/s2 are less than 0.95 of 5.4; the stops may be computed with 4.9."""
+    Ramps(monkeypatch, *[(4.98, 0.0)] * 5)
+    found = steps_lacks.ramp(context())
+    assert found.outcome is Outcome.FAILED
+    assert "quick_dec_deg_s2 = 4.9 at most" in found.to_do

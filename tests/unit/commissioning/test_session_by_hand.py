@@ -112,7 +112,8 @@ def test_the_controller_is_told_whether_the_commissioning_has_ended_as_it_should
     def keep() -> None:
         done.append(("kept", seen.words[Word.CONTROLLER_CLEAN]))
 
-    monkeypatch.setattr(process, "publish_json", lambda *_: None)
+    published: list[object] = []
+    monkeypatch.setattr(process, "publish_json", lambda *given: published.append(given))
     monkeypatch.setattr(process, "short_hash", lambda _: "")
     for name, stand_in in (("_set_up", lambda: None), ("_do", do), ("_keep", keep)):
         monkeypatch.setattr(made, name, stand_in)
@@ -125,6 +126,8 @@ def test_the_controller_is_told_whether_the_commissioning_has_ended_as_it_should
     assert seen.words[Word.CONTROLLER_CLEAN] == (0 if broken else 1)
     assert desk.did == ["close"]
     assert desk.told[0] == ("service", "commissioning began: m")
+    # Alarms of the controller are of a program that is gone.
+    assert published == [(None, {"alarms": [], "alarm_history": []})]
 
 
 @pytest.mark.parametrize("complete", [False, True])
@@ -157,15 +160,19 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
 ) -> None:
     """The service shows the limits of the file that it has read."""
     ran: list[object] = []
+    handlers: dict[int, Any] = {}
+    ended: list[str] = []
     memory = SimpleNamespace(words={Word.SUPERVISOR: 1}, frames=None)
     stand_ins = {
         "SharedMemory": lambda _: memory, "die_with_parent": lambda _: None, "need": lambda _: None,
         "load_machine": lambda path: path, "config_hash": lambda _: hashed, "signal": SimpleNamespace(
-            SIGTERM=1, SIGINT=2, SIGHUP=3, signal=lambda *_: None
+            SIGTERM=1, SIGINT=2, SIGHUP=3, signal=handlers.__setitem__
         ),
         "StateStore": lambda *_: nullcontext("store"), "logged_links": lambda _: nullcontext(),
         "RingFrames": lambda _: None,
-        "Session": lambda *_, second_person: SimpleNamespace(run=lambda: ran.append(second_person) or 0),
+        "Session": lambda *_, second_person: SimpleNamespace(
+            run=lambda: ran.append(second_person) or 0, desk=SimpleNamespace(end=ended.append)
+        ),
     }  # fmt: skip
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(process, name, stand_in)
@@ -178,6 +185,21 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
         assert process.main(arguments) == 0
         process.main(arguments[:-1])
         assert ran == [True, False]
+        # Whatever ends the process ends the step first.
+        assert sorted(handlers) == [1, 2, 3]
+        for number, handler in handlers.items():
+            handler(number, None)
+        assert ended == ["the service ends"] * 3
+
+
+def test_a_session_has_a_folder_for_its_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in ("Board", "Desk", "Commissioning"):
+        monkeypatch.setattr(process, name, lambda *_, **__: SimpleNamespace())
+    none: Any = None
+    store: Any = SimpleNamespace(directory=tmp_path)
+    for _ in range(2):  # the second one finds it there
+        Session(none, store, none)
+    assert [path.name for path in tmp_path.iterdir()] == ["commissioning_report"]
 
 
 # --- the chord test as a step -----------------------------------------------------------------------------------------
@@ -231,6 +253,8 @@ def test_a_chord_test_goes_on_until_it_has_a_result_and_another_begins_anew(
 ) -> None:
     chord = Chord(monkeypatch, tmp_path, complete=complete, fault=None)
     chord.path.touch()
+    if before:  # the folder of the one before is there
+        (tmp_path / "accuracy").mkdir()
     if before is not None:
         chord.context.results["accuracy"] = StepResult("accuracy", Outcome.FAILED, "", before)
     found = chord_test.accuracy(chord.context)

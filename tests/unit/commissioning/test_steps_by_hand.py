@@ -226,6 +226,23 @@ def test_the_brake_passes_by_the_torque_that_it_bore_without_slipping(
         assert (found.number("plus_nm"), found.number("minus_nm")) == pytest.approx((70.0, -70.0), abs=1.5)
 
 
+def test_a_brake_test_has_the_limits_of_the_file_in_its_own_units(monkeypatch: pytest.MonkeyPatch) -> None:
+    """70 N m, 0.02 deg of sag in rad, 385 N m at most, scans of 4 ms."""
+    given: list[float] = []
+
+    class Enough(Exception):
+        pass
+
+    def test(*limits: float) -> None:
+        given.extend(limits)
+        raise Enough
+
+    monkeypatch.setattr(steps_power, "BrakeTest", test)
+    with pytest.raises(Enough):
+        steps_power._test_brake(context(), axis_of(HandDrive()))
+    assert given == pytest.approx([70.0, 3.490659e-4, 385.0, 0.004])
+
+
 @pytest.mark.parametrize(
     ("kept_nm", "prepared_nm"), [(30.0, 30.0), (-30.0, -30.0), (None, 0.0), (250.0, 250.0)]
 )

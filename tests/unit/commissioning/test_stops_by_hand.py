@@ -432,8 +432,11 @@ def test_a_drive_that_stays_enabled_in_a_silence_is_broken_off_when_its_time_is_
 @pytest.mark.parametrize(
     ("turns_deg_s", "stops"), [(0.04, True), (-0.04, True), (0.06, False), (-0.06, False)]
 )
-def test_a_shaft_that_creeps_on_behind_its_brake_has_not_stopped(turns_deg_s: float, stops: bool) -> None:
-    """0.05 deg/s of swing are rest. In its fault it has 0.076 s, 0.35 s of rest and 1 s to come to rest."""
+@pytest.mark.parametrize(("ramp_s", "scans"), [(0.0, 357), (2.0, 857)])
+def test_a_shaft_that_creeps_on_behind_its_brake_has_not_stopped(
+    turns_deg_s: float, stops: bool, ramp_s: float, scans: int
+) -> None:
+    """0.05 deg/s of swing are rest. In its fault it has 0.076 s, its ramp, 0.35 s of rest and 1 s to come to rest."""
     drive, axis = enabled()
     drive.process.age, drive.process.statusword = 0, 0x0008  # Fault
     drive.node.emergencies = SimpleNamespace(count=0)
@@ -446,12 +449,12 @@ def test_a_shaft_that_creeps_on_behind_its_brake_has_not_stopped(turns_deg_s: fl
         drive.deg += turns_deg_s * PERIOD_S
 
     drive.write = write  # type: ignore[method-assign]
-    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 1.0))
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 1.0, ramp_s))
     assert seen.stopped is stops
     if not stops:
-        # 357 scans are the first beyond 1.426 s.
-        assert seen.broken_off.startswith("in fault after 1.4 s")
-        assert len(drive.wrote) > 357
+        # 357 scans are the first beyond 1.426 s, 857 beyond 3.426 s.
+        assert seen.broken_off.startswith(f"in fault after {1.4 + ramp_s:.1f} s")
+        assert len(drive.wrote) > scans
 
 
 def test_what_a_sync_shows_right_after_the_limit_was_so_before() -> None:

@@ -600,7 +600,7 @@ def test_a_process_that_has_just_gone_is_no_failure_of_whoever_ends_it(gone: str
 
     child = Child("gateway", [], [], beat_ns=lambda: 0)
     process_: Any = SimpleNamespace(returncode=None, terminate=asked, kill=killed, wait=wait)
-    child.process = process_
+    child.process, child._began_ns = process_, 0
     asyncio.run(child.end(0.01))
     assert did == (["asked"] if gone == "terminate" else ["asked", "killed"])
     said: list[str] = []
