@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 
 import pytest
 
@@ -30,6 +31,7 @@ from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.oscillation import Oscillation
+from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.running_fit import RunningFit
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
@@ -38,11 +40,12 @@ from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome, Brak
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts
-from unit.program.power_steps import P
+from unit.program.power_steps import P, record
 from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
 from unit.program.test_modulo import modulo
 from unit.program.test_parts_of_feedback import Encoder
-from unit.program.test_parts_of_reset import OFF, Stop, W
+from unit.program.test_parts_of_load_side import load_side
+from unit.program.test_parts_of_reset import OFF, Stop, W, power
 
 approx = pytest.approx
 
@@ -169,6 +172,24 @@ def test_a_drive_that_was_never_heard_had_no_torque():
         feedback.scan(DriveFeedback(DriveState.UNKNOWN, 0.0, 0.0, 0.0, False, False, 0.0), 0.0)
         assert not feedback.energised
         assert not feedback.state_old
+
+
+IN_ORDER = [
+    (LinkFlag.BUS_DOWN | LinkFlag.BUS_OFF, "CAN-08"), (LinkFlag.RESTARTED, "DRV-11"),
+    (LinkFlag.HEARTBEAT_LOST, "CAN-06"),
+    (LinkFlag.NOT_OPERATIONAL, "CAN-13"), (LinkFlag.OTHER_MASTER, "CAN-12"), (LinkFlag.TWO_SENDERS, "CAN-14"),
+    (LinkFlag.IO_LOST, "CAN-16"), (LinkFlag.WRONG_MODE, "DRV-06"), (LinkFlag.STALE_TARGET, "DRV-08"),
+    (LinkFlag.LOCAL_CONTROL, "DRV-05"), (LinkFlag.OVERLOADED, "CAN-10"), (LinkFlag.WRONG_LENGTH, "CAN-04"),
+    (LinkFlag.SYNC_UNSEEN, "CAN-01"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("before", "after"), list(pairwise(IN_ORDER)))
+def test_of_two_flags_of_the_link_the_cause_is_told_and_not_what_follows_from_it(before, after):
+    """Another master locks the axis, so it is told beside whatever else is wrong."""
+    encoder = Encoder()
+    encoder.scan(link=before[0] | after[0])
+    assert encoder.codes == [before[1]] + ["CAN-12"] * (after[1] == "CAN-12")
 
 
 # --- the axis ---------------------------------------------------------------------------------------------------------
@@ -307,6 +328,39 @@ def test_a_move_of_the_local_operator_needs_no_enabling_switch():
     assert rig.pos_deg == approx(5.0, abs=0.005)
 
 
+@pytest.mark.parametrize(("name", "level"), [("halt", "halt"), ("stop", "stop"), ("move", "move")])
+def test_the_end_of_a_command_shows_while_its_level_stays_and_nothing_else_changes(name, level):
+    rig = powered()
+    rig.move(20.0)
+    rig.run(2.0)
+    rig.op(**{level: True}, target_rad=rad(21.0))
+    assert getattr(rig.program, name).busy
+    rig.run(6.0)
+    assert getattr(rig.program, name).done
+    assert not getattr(rig.program, name).busy
+
+
+def test_a_move_by_a_way_goes_that_way_and_to_no_angle():
+    rig = Rig(at_deg=20.0)
+    rig.power_up()
+    rig.op(move=True, relative=True, target_rad=rad(5.0), speed_rad_s=rad(6.0))
+    rig.run(4.0)
+    assert rig.pos_deg == approx(25.0, abs=0.005)
+    assert rig.program.move_by.done
+    assert not rig.program.move.done
+
+
+def test_a_reset_begins_the_counts_of_the_monitors_anew():
+    """Of a warning in motion nothing stops, and nothing goes on that has led to it."""
+    rig = powered()
+    rig.axis.alarms.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)
+    assert rig.axis.monitors.rest_scans > 100
+    rig.op(reset=True)
+    rig.run(0.003)
+    assert rig.codes == []
+    assert rig.axis.monitors.rest_scans < 10
+
+
 class AtOnce(AxisProgram):
     """Moves in the scan in which power is on."""
 
@@ -338,6 +392,38 @@ def test_a_contact_that_was_wrong_shows_a_closed_brake_and_not_since_when(code):
     stop.scan(3, over=True)
     assert W.BRAKE_CLOSED_SEEN in stop.steps
     assert W.BRAKE_CLOSED_AFTER not in stop.steps
+
+
+def test_the_record_of_a_stop_is_written_to_its_end_and_no_further():
+    parts = Parts()
+    stand_in = power(brake_open=False)
+    recovery = Recovery(parts.settings, parts.feedback, stand_in, parts.alarms)
+    parts.alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="a test")
+    alarm = parts.alarms.first_out
+    recovery.stop_begun(alarm)
+    parts.feedback.state, parts.feedback.brake_open, stand_in.falling = OFF, False, False
+    recovery.scan(1, rad(1.0))
+    steps = alarm.steps
+    assert W.MOVED_TO in [getattr(step, "words", step) for step in steps]
+    recovery.scan(2, rad(5.0))
+    assert alarm.steps is steps
+
+
+def test_a_motor_that_the_model_knows_to_be_warm_is_not_cooled_by_its_sensor():
+    """83 % by the torque so far; 60 C are 17 % of the rise of 115 K."""
+    parts = Parts()
+    thermal = MotorThermal(parts.settings, parts.feedback, parts.alarms)
+    thermal._model, parts.feedback.motor_temp_c = 0.83, 60.0
+    thermal.scan(0.0)
+    assert thermal.share == approx(0.83)
+    assert parts.codes == ["THM-01"]
+
+
+def test_a_ring_that_is_no_number_adds_no_turn():
+    parts, _, side = load_side(load_encoder=True)
+    parts.feedback.pos_ring_rad = math.nan
+    side.resting(0.0)
+    assert side._turn_rad == 0.0
 
 
 def lives():
@@ -571,6 +657,71 @@ def test_a_brake_test_that_is_over_is_not_taken_up_again():
     test.finish()
     test.end(BrakeTestOutcome.ABORTED, W.STOPPED)
     assert not test.under_way
+
+
+def test_torque_that_is_asked_for_behind_a_torque_off_is_told_as_not_kept():
+    """A slip of the closed brake holds the load by torque, but not where the torque has just been taken off."""
+    rig = powered()
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.step()
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    rig.axis.alarms.raise_(Code.BRK_04, measured=0.03, limit=0.02)
+    assert rig.axis.alarms.active[Code.BRK_04].steps == (W.TORQUE_KEPT,)
+    rig.step()
+    assert rig.axis.alarms.active[Code.BRK_04].steps == (W.TORQUE_OFF_COMMANDED,)
+
+
+def test_power_that_was_turned_back_as_a_drive_opened_its_brake_can_be_asked_for_again():
+    rig = Rig(config=settings(brake_by_drive=True))
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON)
+    rig.op(power=True)
+    rig.run(0.01)
+    rig.op(power=False)
+    rig.step()
+    assert rig.axis.power.falling
+    rig.spoil = lambda drive: drive._replace(brake_open=drive.state is DriveState.OPERATION_ENABLED)
+    rig.until(lambda: rig.axis.is_off, 2.0)
+    assert not rig.axis.power.falling
+    rig.power_up()
+
+
+def test_a_drive_that_takes_no_torque_is_disabled_as_its_brake_is_closed():
+    rig = Rig(config=settings(torque_preload=False))
+    rig.power_up()
+    assert rig.axis.liveness.dithers == 0, "an ideal drive is asked nothing, also without a proof"
+    rig.op(power=False)
+    assert [phase for phase, _ in record(rig, 1.0)] == [P.CLOSING, P.DISABLING, P.OFF]
+
+
+def test_a_reading_that_is_old_says_nothing_of_torque_that_has_gone():
+    rig = Rig()
+    rig.power_up()
+    sequence = rig.axis.power
+    sequence._twist._fine = True
+    for old in (True, False):
+        rig.axis.feedback._old = old
+        sequence._load_nm = 40.0
+        assert sequence._stood_as_torque_went() is not old
+        assert rig.codes == ([] if old else ["ENC-02"])
+
+
+def test_scans_that_are_missed_are_time_of_a_brake_test():
+    """Every second one: the ramps of 2 s in all take 4 s, but each way is held for 2 s and not for 4."""
+    rig = Rig(config=settings(test_torque_nm=65.0, period_s=0.004))
+    rig.run(0.05)
+    rig.missed = lambda scan: 1
+    begun = rig.scan
+    rig.op(brake_test=True)
+    rig.until(lambda: rig.program.brake_test.done, 12.0)
+    assert 8.0 < (rig.scan - begun) * rig.period_s < 9.0
+
+
+def test_a_failed_test_forbids_power_and_not_the_next_test():
+    rig = Rig(config=settings(test_torque_nm=65.0))
+    rig.step()
+    rig.axis.alarms.raise_(Code.BRK_08, measured="bore 10 N m")
+    assert rig.axis.power_on() is not None
+    assert rig.axis.begin_brake_test() is None
 
 
 def test_a_brake_test_under_way_has_no_sentence():
