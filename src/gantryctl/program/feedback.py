@@ -212,7 +212,8 @@ class Feedback:
         step = counts - self.counts
         before, vel = self.vel_rad_s, vel_motor / self._ratio
         jump, change = step - before * self._jump_per_speed, vel - before
-        drift = self._drift = self._drift * self._drift_keep + step - vel * self._jump_per_speed
+        way = vel * self._jump_per_speed * self.periods
+        drift = self._drift = self._drift * self._drift_keep + step - way
         base, change_max, drift_max = self._jump_base, self._change_max, self._drift_max
         if (
             self._doubtful
