@@ -203,6 +203,19 @@ def test_friction_is_judged_by_the_load_that_the_moves_have_shown() -> None:
     assert abs(watch.seen["friction"].measured) < 2e3
 
 
+def test_a_finding_lies_beyond_its_bound_and_not_on_it() -> None:
+    watch = new_watch()
+    for measured, found in ((1e-4, False), (-1e-4, False), (math.nextafter(-1e-4, -1.0), True)):
+        watch._weigh("scale", measured, 1e-4, 0.0)
+        assert ("scale" in watch.found) is found
+
+
+def test_gears_without_windup_swing_behind_no_gap() -> None:
+    """There is no period to look for, whatever bound a person gives."""
+    assert new_watch(windup_per_acc_s2=0.0, backlash_bound_rad=1e-4)._swing is None
+    assert new_watch(backlash_bound_rad=1e-4)._swing is not None
+
+
 def test_motion_one_way_names_nothing_that_it_cannot_tell_apart() -> None:
     """Over 20 deg one way a moment and friction are the same torque; so no warning names either."""
     watch, s = new_watch(), settings_of()

@@ -18,11 +18,12 @@ from gantryctl.image import (
     DriveState,
     EncoderFlag,
     LinkFlag,
+    Mode,
 )
 from gantryctl.program import AxisProgram, AxisState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.axis.command_checks import check_target, way_to
+from gantryctl.program.axis.command_checks import check_direction, check_target, way_to
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.axis.turns import Turns
 from gantryctl.program.blocks import MoveAbsolute, Power
@@ -38,11 +39,12 @@ from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.monitors.torque_model import TorqueModel
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome, BrakeTestPhase
+from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts
 from unit.program.power_steps import P, record
-from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
+from unit.program.rig import RATIO, Rig, moving_rig, powered, press, settings
 from unit.program.test_modulo import modulo
 from unit.program.test_parts_of_feedback import Encoder
 from unit.program.test_parts_of_load_side import load_side
@@ -101,6 +103,28 @@ def test_a_turn_in_the_ramp_of_a_fault_is_the_drives(way):
     encoder.feedback._look = True
     encoder.scan()
     assert encoder.codes == []
+
+
+@BOTH
+@pytest.mark.parametrize(("periods", "codes"), [(1, ["ENC-14"]), (2, [])])
+def test_a_turn_is_judged_from_one_scan_to_the_next(periods, codes, way):
+    """0.05 deg/s and then the other way, a scan may turn 0.0154 round; nobody knows of a scan that was missed."""
+    told = {"encoder_shows_twist": True, "speed_change_per_torque": rad(0.2)}
+    encoder = Encoder(0.001, way * 0.05, state=OFF, monitors=told)
+    encoder.speed_deg_s = -way * 0.05
+    encoder.feedback._look, encoder.feedback.periods = True, periods
+    encoder.scan()
+    assert encoder.codes == codes
+
+
+@BOTH
+def test_a_position_away_from_its_speed_is_told_in_degrees(way):
+    """Two steps of 0.02 deg and one of 0.01; 0.045 deg are permitted, and 1 ms in 0.3 s is forgotten."""
+    encoder = Encoder()
+    for step_deg in (0.02, 0.02, 0.01):
+        encoder.scan(step_deg=way * step_deg)
+    measured = encoder.alarms.active[Code.ENC_12].values["measured"]
+    assert measured.values == {"value": approx(way * 0.05, abs=3e-4), "limit": approx(0.045)}
 
 
 @BOTH
@@ -357,6 +381,73 @@ def test_the_end_of_a_command_shows_while_its_level_stays_and_nothing_else_chang
     assert not getattr(rig.program, name).busy
 
 
+@BOTH
+def test_a_way_begins_at_the_set_point_also_of_a_motion_under_way(way):
+    """On the way to 20 deg; on from there goes MoveAdditive alone."""
+    rig = powered()
+    rig.move(way * 20.0)
+    rig.run(3.0)
+    here = rig.axis.virtual.pos_ref_rad
+    command = rig.axis.motion.move_relative(way * rad(5.0), rad(6.0))
+    assert command.target_rad == approx(here + way * rad(5.0))
+
+
+@BOTH
+def test_an_increment_may_be_the_whole_travel(way):
+    rig = Rig(at_deg=-180.0 * way)
+    rig.power_up()
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(360.0))
+    press(rig, **{"forward" if way > 0.0 else "reverse": True})
+    assert rig.program.inch.busy
+    assert rig.program.inch.command.target_rad == approx(rad(180.0) * way)
+
+
+@BOTH
+def test_at_the_edge_of_a_sector_it_is_named_by_the_edge_that_is_met(way):
+    """Between sectors from 60 and from -60 deg on, with a speed below 1 rad/s."""
+    sectors = ((rad(-120.0), rad(-60.0)), (rad(60.0), rad(120.0)))
+    travel = replace(settings().travel, no_go_rad=sectors)
+    refused = check_direction(way * rad(60.0), way * rad(6.0), travel)
+    assert refused is not None
+    assert refused.code is Code.CTL_18
+    assert refused.values["measured"] == approx(way * 60.0)
+
+
+@pytest.mark.parametrize("target_rad", [math.nan, math.inf, -math.inf, 10.0])
+def test_an_angle_that_a_modulo_axis_does_not_have_is_refused(target_rad):
+    rig = Rig(config=modulo())
+    rig.step()
+    refused = rig.axis.motion.move_absolute(target_rad, rad(6.0)).refusal
+    assert refused is not None
+    assert refused.code is Code.CTL_01
+
+
+def test_a_move_by_hand_that_is_too_fast_is_refused_for_that():
+    rig = powered()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    press(rig, forward=True)
+    assert rig.program.jog.busy
+    refused = rig.program._check_move(rig.operator._replace(speed_rad_s=rad(100.0)))
+    assert refused.code is Code.CTL_01
+
+
+def test_a_guarded_command_is_followed_by_nothing_in_that_scan():
+    rig = powered()
+    assert rig.axis.virtual.following
+    assert rig.axis._guard(math.nan, 0.0) == (0.0, 0.0)
+    assert not rig.axis.virtual.following
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_a_turn_that_is_taken_back_is_kept_where_plans_are(keep):
+    virtual = VirtualAxis(modulo(), keep_plans=keep)
+    virtual.follow_from(7.0, 0)
+    before = len(virtual.plans)
+    virtual.turn_back(1, 5)
+    assert virtual.pos_ref_rad == approx(7.0 - math.tau)
+    assert len(virtual.plans) == before + keep
+
+
 def test_a_move_by_a_way_goes_that_way_and_to_no_angle():
     rig = Rig(at_deg=20.0)
     rig.power_up()
@@ -424,6 +515,17 @@ def test_the_record_of_a_stop_is_written_to_its_end_and_no_further():
     assert W.MOVED_TO in [getattr(step, "words", step) for step in steps]
     recovery.scan(2, rad(5.0))
     assert alarm.steps is steps
+
+
+def test_a_reading_that_never_turned_did_not_come_to_stand():
+    """At rest from before the stop; the contact is 98 ms behind the torque."""
+    stop = Stop(before={"brake_open": True, "vel_rad_s": 0.0, "counts": 100.0})
+    for scan in range(101):
+        stop.scan(
+            scan, deg_s=0.0, state=OFF if scan > 1 else DriveState.OPERATION_ENABLED, brake_open=scan < 100
+        )
+    stop.scan(101, over=True)
+    assert not stop.parts.feedback.in_doubt
 
 
 def test_a_motor_that_the_model_knows_to_be_warm_is_not_cooled_by_its_sensor():
@@ -733,12 +835,75 @@ def test_scans_that_are_missed_are_time_of_a_brake_test():
     assert 8.0 < (rig.scan - begun) * rig.period_s < 9.0
 
 
+def test_a_brake_test_that_an_alarm_ends_names_it():
+    rig = Rig(config=settings(test_torque_nm=65.0))
+    rig.step()
+    rig.op(brake_test=True)
+    rig.until(lambda: rig.axis.power.phase is P.TESTING, 1.0)
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.step()
+    assert rig.axis.brake_test.last.words == W.ENDED_BY(code=Code.INT_03)
+
+
 def test_a_failed_test_forbids_power_and_not_the_next_test():
     rig = Rig(config=settings(test_torque_nm=65.0))
     rig.step()
     rig.axis.alarms.raise_(Code.BRK_08, measured="bore 10 N m")
     assert rig.axis.power_on() is not None
     assert rig.axis.begin_brake_test() is None
+
+
+def test_the_phases_of_a_brake_test_have_their_numbers():
+    """What is published and recorded."""
+    names = [
+        "IDLE",
+        "ENABLING",
+        "PLUS_RISING",
+        "PLUS_HELD",
+        "MINUS_RISING",
+        "MINUS_HELD",
+        "RELIEVING",
+        "DISABLING",
+    ]
+    assert [(phase.name, phase.value) for phase in BrakeTestPhase] == [(n, k) for k, n in enumerate(names)]
+
+
+def test_a_slip_without_torque_is_believed_of_a_doubted_reading_that_turns_for_50_ms():
+    parts = Parts()
+    watch = SlipWatch(parts.settings, parts.feedback, parts.alarms)
+    for _ in range(2):  # also of a second phase
+        watch.begin(0.0, unwinds=False)
+        parts.alarms.clear()
+        parts.feedback.in_doubt = True
+        parts.turn(1.0)
+        assert parts.after(lambda: watch.slipped_without_torque(rad(0.03), 1.0, Code.BRK_04)) == approx(0.050)
+
+
+def test_a_contact_that_stays_open_behind_a_closed_brake_is_told_after_0_45_s():
+    """0.15 s to close and 0.3 s for its contact."""
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.run(0.450)
+    assert rig.codes == []
+    rig.step()
+    assert rig.codes == ["BRK-06"]
+
+
+@pytest.mark.parametrize("phase", [P.RELEASING, P.SAG_WATCH])
+@pytest.mark.parametrize(("scans", "kept"), [(0, True), (1, False)])
+def test_power_off_in_the_scan_in_which_a_drive_opens_its_brake_waits_for_it(phase, scans, kept):
+    """Disabled now it would take its torque off before it holds; a scan later it closes its brake first."""
+    rig = Rig(config=settings(brake_by_drive=True))
+    if phase is P.SAG_WATCH:
+        rig.spoil = lambda drive: drive._replace(brake_open=drive.state is DriveState.OPERATION_ENABLED)
+    else:
+        rig.spoil = lambda drive: drive._replace(brake_open=False)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is phase, 1.0)
+    rig.run(scans * rig.period_s)
+    rig.axis.power.switch_off()
+    assert (rig.axis.power.phase is phase) is kept
+    assert rig.axis.power.falling
 
 
 def test_a_brake_test_under_way_has_no_sentence():
