@@ -8,6 +8,8 @@ import pytest
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine import (
+    Calibration,
+    Unknown,
     calibration_toml,
     check_belongs,
     config_hash,
@@ -18,6 +20,7 @@ from gantryctl.machine import (
     load_machine,
     with_values,
 )
+from gantryctl.machine.calibration import calibration_version
 from gantryctl.wiring.compensation import compensation
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.simulator import sim_drive
@@ -100,3 +103,32 @@ def test_a_calibration_stays_with_changed_values_and_out_of_the_hash() -> None:
 
 def test_the_ideal_drive_has_nothing_to_compensate() -> None:
     assert compensation(with_values(improved_machine(), {"drive.kind": "ideal"})) is None
+
+
+@pytest.mark.parametrize(("all_nm", "behind_nm"), [(9e3, 4.5e3), (-10.0, 0.0)])
+def test_a_friction_behind_the_mesh_that_is_not_known_is_half_and_never_below_0(
+    all_nm: float, behind_nm: float
+) -> None:
+    base = improved_machine().calibration
+    assert base is not None
+    identified = base.identified.model_copy(update={"friction_nm": all_nm, "friction_load_nm": None})
+    assert base.model_copy(update={"identified": identified}).friction_behind_mesh_nm == behind_nm
+
+
+@pytest.mark.parametrize(("version", "fits"), [(1, True), (0, False), (-1, False)])
+def test_versions_of_calibrations_begin_with_1(tmp_path: Path, version: int, fits: bool) -> None:
+    path = written(tmp_path, f"[origin]\nversion = {version}\n")
+    if fits:
+        assert calibration_version(path) == version
+    else:
+        with pytest.raises(ConfigError, match="is no calibration file"):
+            calibration_version(path)
+
+
+def test_a_number_is_known_or_unknown_and_not_both() -> None:
+    calibration = improved_machine().calibration
+    assert calibration is not None
+    told = calibration.model_dump()
+    assert Calibration.model_validate(told) == calibration
+    with pytest.raises(ValueError, match="must have every number that"):
+        Calibration.model_validate({**told, "unknown": {**told["unknown"], "swing_hz": Unknown.TOO_WIDE}})

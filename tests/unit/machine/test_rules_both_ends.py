@@ -1,4 +1,4 @@
-"""Rules that look at two ends, two ramps or two directions: each of the two alone breaks them; figures by hand."""
+"""Rules at their limit, on either side of it, at either end and in either direction; figures by hand."""
 
 from __future__ import annotations
 
@@ -6,8 +6,16 @@ import pytest
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.parts import rigid_inertia_kg_m2, torque_motors
-from gantryctl.machine.rules.reaction import driven_acc_deg_s2, silent_speed_max_deg_s, silent_way_deg
+from gantryctl.machine.rules.reaction import (
+    driven_acc_deg_s2,
+    reaction_room_deg,
+    reaction_time_ms,
+    silent_speed_max_deg_s,
+    silent_way_deg,
+)
+from gantryctl.units import Dial
 from support.modulo_machine import modulo_machine
 
 MACHINE = default_machine()
@@ -271,3 +279,219 @@ def test_the_encoder_on_the_ring_answers_with_an_id_of_its_own(encoder: int, io:
     keys = {"can.load_encoder.source": "node", "can.load_encoder.node": encoder, "can.io.node": io}
     lines = broken(CAN | keys)
     assert (not any("must differ from every other node id" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(
+    ("owner", "fits"), [("controller_output", True), ("drive", False), ("object_60FE", False)]
+)
+def test_an_output_releases_no_brake_that_somebody_else_works(owner: str, fits: bool) -> None:
+    lines = broken(CAN | {"brake.owner": owner, "can.outputs.brake_release": 5})
+    assert (not any("where an output releases the brake" in line for line in lines)) is fits
+
+
+# --- travel and turns -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("end_deg", "fits"), [(180.0, True), (179.0, False), (181.0, False)])
+def test_an_axis_without_ends_has_angles_over_one_turn(end_deg: float, fits: bool) -> None:
+    if fits:
+        modulo_machine({"axis.pos_max_deg": end_deg})
+    else:
+        with pytest.raises(ConfigError, match=f"gives angles over {end_deg + 180.0:g} deg"):
+            modulo_machine({"axis.pos_max_deg": end_deg})
+
+
+def test_a_turn_that_begins_below_0_is_not_shown_within_0_to_360() -> None:
+    with pytest.raises(ConfigError, match="the turn of the axis begins at -180 deg"):
+        modulo_machine({"axis.display": "0..360"})
+    modulo_machine({"axis.display": "0..360", "axis.pos_min_deg": 0.0, "axis.pos_max_deg": 360.0})
+
+
+@pytest.mark.parametrize(("turns", "fits"), [(1143, False), (1144, True), (1145, False)])
+def test_the_exact_gear_is_neither_more_nor_less_than_the_ratio(turns: int, fits: bool) -> None:
+    """88 x 13."""
+    lines = broken({"axis.gear_motor_turns": turns})
+    assert (not any("gives a ratio of" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(
+    ("sector", "words"),
+    [
+        ((-179.0, -170.0), ""), ((170.0, 179.0), ""), ((-180.0, -170.0), "inside travel"),
+        ((170.0, 180.0), "inside travel"), ((170.0, 190.0), "inside travel"),
+        ((-179.5, -170.0), "leaves 0.5 deg"), ((170.0, 179.5), "leaves 0.5 deg"),
+    ],
+)  # fmt: skip
+def test_a_sector_leaves_a_degree_to_either_end_of_travel(sector: tuple[float, float], words: str) -> None:
+    lines = [line for line in broken({"axis.no_go_deg": [list(sector)]}) if "[axis] no_go_deg" in line]
+    assert any(words in line for line in lines) if words else not lines
+
+
+@pytest.mark.parametrize("sector", [[300.0, 400.0], [-400.0, 10.0]])
+def test_angles_of_a_sector_lie_within_a_turn_either_way(sector: list[float]) -> None:
+    with pytest.raises(ConfigError, match="must be two different angles of a turn"):
+        modulo_machine({"axis.no_go_deg": [sector]})
+
+
+def test_an_axis_without_ends_stands_within_a_turn_either_way() -> None:
+    axis = modulo_machine().axis
+    assert [axis.within_stops(angle) for angle in (-361.0, -360.0, 360.0, 361.0)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+
+
+def test_a_new_machine_stands_in_the_widest_stretch() -> None:
+    """10, 130 and 160 deg are left: the middle of 20 to 180."""
+    axis = with_values(MACHINE, {"axis.no_go_deg": [[-170.0, -150.0], [-20.0, 20.0]]}).axis
+    assert (axis.start_angle_deg, axis.home_stretch_deg) == (100.0, (20.0, 180.0))
+
+
+@pytest.mark.parametrize(
+    ("stop_deg", "ends"), [(187.0, (-187.0, 187.0)), (180.0, (-180.0, 180.0)), (179.0, None)]
+)
+def test_where_two_places_read_alike_the_dial_names_the_end(
+    stop_deg: float, ends: tuple[float, float] | None
+) -> None:
+    """Within 0 to 360 deg, of stops that are a turn apart or more."""
+    stops = {"mechanical_stop_min_deg": -stop_deg, "mechanical_stop_max_deg": stop_deg}
+    axis = MACHINE.axis.model_copy(update={"display": "0..360", **stops})
+    assert axis.dial == Dial(0.0, ends)
+
+
+# --- what is measured -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("sag_deg", "fits"), [(7.7e-5, True), (7.6e-5, False)])
+def test_a_sag_is_two_steps_of_the_encoder(sag_deg: float, fits: bool) -> None:
+    """8192 x 1144 steps a turn: 3.841e-5 deg."""
+    lines = broken({"brake.sag_max_deg": sag_deg})
+    assert (not any("two encoder steps" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("speeds", "fits"), [((0.6, 6.0), True), ((0.59, 6.0), False), ((0.6, 6.01), False)])
+def test_a_speed_test_lies_within_both_settings(speeds: tuple[float, ...], fits: bool) -> None:
+    lines = broken({"accuracy.speeds_deg_s": speeds})
+    assert (not any("speeds_deg_s" in line for line in lines)) is fits
+
+
+def test_displacements_ascend_and_none_comes_twice() -> None:
+    assert any("must ascend" in line for line in broken({"accuracy.displacements_deg": (5.0, 5.0, 10.0)}))
+
+
+@pytest.mark.parametrize("missing", ["moment_observer.active", "windup.active", "windup.reversal"])
+def test_backlash_is_followed_with_all_that_says_on_which_flank_the_load_lies(missing: str) -> None:
+    laws = {
+        "backlash_observer.active": True, "backlash_observer.limit_deg": 0.005, "moment_observer.active": True,
+        "moment_observer.limit_nm": 1e3, "windup.active": True, "windup.reversal": True,
+        "calibration": "m.calibration.toml",
+    }  # fmt: skip
+    keys = {"virtual_axis.profile": "jerk_limited"}
+    whole = broken(keys | {f"control.compensation.{name}": value for name, value in laws.items()})
+    lacking = broken(
+        keys | {f"control.compensation.{name}": value for name, value in (laws | {missing: False}).items()}
+    )
+    words = "which say on which flank the load lies"
+    assert [any(words in line for line in lines) for lines in (whole, lacking)] == [False, True]
+
+
+@pytest.mark.parametrize(("increments", "fits"), [(3_652_000, True), (3_654_000, False)])
+def test_6064_has_room_for_travel_and_both_wrap_margins(increments: int, fits: bool) -> None:
+    """370 deg are 1175.78 turns of the motor, in which 2^32 are 3,652,873 increments each."""
+    lines = broken(CAN | {"can.increments_per_turn": increments})
+    assert (not any("the 32 bits of 6064 wrap" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("kind", "fits"), [("canopen", True), ("sim", False)])
+def test_a_drive_on_a_bus_may_count_any_number_of_turns(kind: str, fits: bool) -> None:
+    lines = broken(CAN | {"drive.kind": kind, "encoder.turns": 3000})
+    assert (not any("must be a power of two" in line for line in lines)) is fits
+
+
+# --- torque -----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("what", ["quick_dec_deg_s2", "acc_deg_s2"])
+@pytest.mark.parametrize(
+    ("motors", "dec_deg_s2", "fits"),
+    [(TWO, 16.1, True), (TWO, 16.2, False), (LOST, 8.0, True), (LOST, 8.1, False)],
+)
+def test_motors_that_have_torque_stop_and_start_the_rotors_of_all(
+    motors: dict[str, object], what: str, dec_deg_s2: float, fits: bool
+) -> None:
+    """770 or 385 N m on 2.38974 kg m2 times 1144 are 16.138 or 8.069 deg/s2."""
+    lines = broken(motors | {f"virtual_axis.{what}": dec_deg_s2})
+    words = "for its quick stop" if what == "quick_dec_deg_s2" else "to accelerate"
+    assert (not any(f"what the rigid machine needs {words}" in line for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("hold", "fits"), [("servo", True), ("brake", False)])
+def test_only_a_brake_that_closes_waits_for_the_arrival(hold: str, fits: bool) -> None:
+    lines = broken(
+        {"brake.hold": hold, "brake.hold_brake_after_s": 0.9, "monitors.in_position_dwell_ms": 1000.0}
+    )
+    assert (not any("[brake] hold_brake_after_s" in line.partition(";")[0] for line in lines)) is fits
+
+
+@pytest.mark.parametrize(("rigid", "fits"), [(True, True), (False, False)])
+def test_the_speed_loop_of_a_rigid_machine_has_its_load_too(rigid: bool, fits: bool) -> None:
+    """0.362 kg m2 in 125 us are 2896 N m s/rad, 2.02774 are 16,222."""
+    lines = broken({"plant.switches.rigid": rigid, "drive.speed_loop.kvp_nm_s_per_rad": 3000.0})
+    assert (not any("or it swings up" in line for line in lines)) is fits
+
+
+def test_slopes_of_a_machine_without_gears_are_not_looked_at() -> None:
+    keys: dict[str, object] = {"plant.transmission.reducer_torque_2_nm": 35_201.0}
+    for off in ({}, {"plant.switches.rigid": True}, {"plant.switches.three_slopes": False}):
+        refused = any("the momentary torque of the reducer" in line for line in broken(keys | off))
+        assert refused is (not off)
+
+
+@pytest.mark.parametrize(
+    ("pinion", "ring_ratio", "fits"), [(5, 13.0, True), (4, 13.0, False), (6, 4.0, True), (5, 4.0, False)]
+)
+def test_single_teeth_are_those_of_no_smaller_gears_than_the_core_has(
+    pinion: int, ring_ratio: float, fits: bool
+) -> None:
+    """From 5 and 24 on: 4 x 13 are 52 of the ring, and 5 x 4 are 20."""
+    keys = {"plant.switches.tooth_pitch": True, "plant.gear_error.pinion_teeth": pinion}
+    lines = broken(keys | {"axis.ring_ratio": ring_ratio})
+    assert (not any("allowed 5..128 and 24..1024" in line for line in lines)) is fits
+
+
+# --- reaction ---------------------------------------------------------------------------------------------------------
+def test_a_stop_leaves_60_ms_of_reaction_at_the_least() -> None:
+    """4 deg less 36 / 10.8 are 0.6667, 111.1 ms at 6 deg/s; less 36 / 9.6 they would be 0.25, and 0.06 s are 0.36."""
+    assert reaction_room_deg(MACHINE) == pytest.approx(2.0 / 3.0)
+    virtual = MACHINE.virtual_axis.model_copy(update={"quick_dec_deg_s2": 4.8})
+    softer = MACHINE.model_copy(update={"virtual_axis": virtual})
+    assert (reaction_room_deg(softer), reaction_time_ms(softer)) == pytest.approx((0.36, 60.0))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "fits"),
+    [
+        ("standstill_time_ms", 171.0, True), ("standstill_time_ms", 171.5, False),
+        ("standstill_window_deg", 0.137, True), ("standstill_window_deg", 0.138, False),
+    ],
+)  # fmt: skip
+def test_an_axis_that_is_driven_away_is_caught_a_scan_later(key: str, value: float, fits: bool) -> None:
+    """The brake catches 1.82353 deg/s, reached after 172.21 ms of 10.5887 deg/s2: less the scan of 1 ms. From 11 ms on
+    1.70706 deg/s are left, and 1.70706^2 / 21.1774 are 0.13760 deg.
+    """
+    lines = broken({f"monitors.{key}": value})
+    assert (not any(f"[monitors] {key}" in line.partition(";")[0] for line in lines)) is fits
+
+
+def test_a_load_drives_a_silent_axis_while_its_brake_closes() -> None:
+    """3 deg/s, s = 1.07952 deg/s2, n = 8.80025, 0.15 s to close, 0.2 s of delay; 0.16193 deg/s more when it is closed:
+    0.51135 + 3 x 0.36840 + 0.01214 + 0.00149 deg.
+    """
+    assert silent_way_deg(MACHINE, 3.0, 200.0, brake=True) == pytest.approx(1.63018, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("speed", "angle_deg", "time_s"),
+    # From 4/3 deg/s on the deceleration of 2 deg/s2 is reached at 3 deg/s3.
+    [(1.0, 0.57735, 1.154701), (6.0, 11.0, 11.0 / 3.0)],
+)
+def test_a_slow_stop_ends_before_its_deceleration_is_reached(
+    speed: float, angle_deg: float, time_s: float
+) -> None:
+    assert rigid_stop(speed, 2.0, 3.0) == pytest.approx((angle_deg, time_s), rel=1e-5)
