@@ -25,6 +25,7 @@ from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.refusals import RefusalLog
 from gantryctl.service.memory.snapshot import FAST, publish_fast, publish_json
+from gantryctl.service.memory.trace_ring import rest_metadata
 from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, reply_to
 from gantryctl.service.protocol.roles import Role
 from support.service_bench import ring
@@ -106,6 +107,14 @@ def test_the_first_line_of_a_connection_has_five_seconds(monkeypatch: pytest.Mon
     assert (made.waits[0], None in made.waits) == (5.0, True)
 
 
+@pytest.mark.parametrize(("unused_s", "room"), [(59.75, False), (60.0, True)])
+def test_a_page_that_was_unused_for_just_its_time_makes_room(desk: Desk, unused_s: float, room: bool) -> None:
+    client = desk.hub.connect("anna", Role.OPERATOR, "console")
+    desk.now_s += unused_s
+    assert desk.hub.make_room("anna", 1, 60.0) is room
+    assert client.displaced is room
+
+
 # --- recordings -------------------------------------------------------------------------------------------------------
 
 
@@ -184,6 +193,26 @@ def test_each_area_has_its_room() -> None:
     memory.close()
 
 
+def test_each_source_and_each_ring_has_its_places() -> None:
+    """Gateway, local socket, controller, OPC UA; 33 s of rows at 1 ms, 2 s of frames of a full bus."""
+    assert [each.name for each in sorted(Source)] == ["WEB", "LOCAL", "CONTROLLER", "OPCUA"]
+    assert sorted(Source) == [0, 1, 2, 3]
+    memory = SharedMemory.create()
+    assert {each.slots for each in (*memory.commands, *memory.replies)} == {256}
+    assert {each.slots for each in memory.events} == {10_240}
+    assert (memory.rows.slots, memory.frames.slots) == (32_768, 16_384)
+    memory.close()
+
+
+def test_a_recording_says_how_an_axis_at_rest_is_told() -> None:
+    """A row each 0.1 s, within 0.001 deg and a twentieth of the rated torque: 10 of 200 N m."""
+    assert rest_metadata(200.0) == {
+        "rest_spacing_s": 0.1,
+        "rest_band_pos_act_rad": pytest.approx(np.pi / 180_000.0),
+        "rest_band_torque_act_nm": pytest.approx(10.0),
+    }
+
+
 # --- refusals ---------------------------------------------------------------------------------------------------------
 
 ANNA, BEN = (Identity("c", name, Role.VIEWER, "console") for name in ("anna", "ben"))
@@ -221,6 +250,16 @@ def test_an_account_that_has_used_its_rows_up_takes_none_from_another() -> None:
     written = [made.log.put_text(ANNA, "read", "x", f"action {n}", NOT_YOURS) for n in range(150)]
     assert sum(number > 0 for number in written) == 100
     assert made.log.put(BEN, HALT, NOT_YOURS) == 101
+
+
+def test_256_causes_have_a_row_each_and_all_others_one() -> None:
+    made = Refused()
+    for n in range(300):
+        who = Identity("c", f"user {n}", Role.VIEWER, "console")
+        made.log.put(who, HALT, NOT_YOURS)
+    made.log.close()
+    counts = [row["values"].get("count", 1) for row in made.rows()]
+    assert (len(counts), counts[-1], sum(counts)) == (258, 43, 300)
 
 
 # --- rings ------------------------------------------------------------------------------------------------------------

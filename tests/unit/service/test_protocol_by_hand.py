@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 
+from gantryctl.image import DriveState, Mode
+from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState
+from gantryctl.service.protocol import limits, messages
 from gantryctl.service.protocol.answers import SCHEMAS, exactly, list_of
 from gantryctl.service.protocol.frames import MARK_PATTERN, mark_of
 from gantryctl.service.protocol.messages import (
@@ -20,7 +25,7 @@ from gantryctl.service.protocol.messages import (
     to_record,
 )
 from gantryctl.service.protocol.roles import Action, Role, may, rights_of
-from gantryctl.service.protocol.tags import ALARM_ROW, BY_NAME
+from gantryctl.service.protocol.tags import ALARM_ROW, BY_NAME, CommissioningPhase
 
 KIB = 1024
 STOP = '{"type":"stop","seq":7}'
@@ -136,3 +141,164 @@ def test_words_of_tags_stand_in_the_order_of_their_numbers() -> None:
     assert BY_NAME["acc_setting_deg_s2"].role == "physicist"
     assert SCHEMAS["Person"]["properties"]["may"]["items"] == {"enum": list(Action)}
     assert SCHEMAS["Person"]["properties"]["role"] == {"enum": list(Role)}
+
+
+# --- limits -----------------------------------------------------------------------------------------------------------
+
+
+def test_times_and_rates_are_those_of_the_manual() -> None:
+    """docs/explanation/security.md and decision 0011, in seconds, bytes and messages a second."""
+    wanted = {
+        "MESSAGE_MAX": 16_384, "FRAME_S": 0.05, "KEY_FRAME_S": 0.02, "VIEW_MAX_S": 0.5, "STALE_S": 0.5,
+        "RENEW_S": 0.03, "HELD_S": 30.0, "SILENCE_S": 2.0, "WATCHED_S": 1.0, "ARMED_S": 10.0, "LINK_S": 60.0,
+        "ANSWER_S": 1.0, "KEEP_S": 1.0, "COMMANDS_PER_S": 20.0, "SIGNS_PER_S": 100.0, "FLOOD_PER_S": 200.0,
+        "_SENDERS": 10_000,
+    }  # fmt: skip
+    assert {name: getattr(limits, name) for name in wanted} == wanted
+
+
+def test_a_bucket_is_never_fuller_than_its_reserve_and_gives_whole_tokens() -> None:
+    """Two a second, three at once: after a night three, and then one in half a second."""
+    now_s = 0.0
+    rate = limits.RateLimiter(2.0, 3.0, now=lambda: now_s)
+    for now_s in (0.0, 80_000.0):  # noqa: B007 - the limiter looks at it
+        assert [rate.wait_s() for _ in range(5)] == [0.0, 0.0, 0.0, 0.5, 0.5]
+    now_s += 0.49
+    assert rate.wait_s() == pytest.approx(0.01)
+    now_s += 0.02
+    assert rate.wait_s() == 0.0
+    assert limits.RateLimiter(2.0, 0.0, now=lambda: now_s).wait_s() == 0.5
+
+
+# --- what a message needs ---------------------------------------------------------------------------------------------
+
+
+def test_what_stops_needs_no_frame_and_a_note_no_epoch() -> None:
+    """A line of the shift log is right whatever has changed since; a sign of life counts by its frame."""
+    assert {"stop", "quick_stop", "release"} == messages.WITHOUT_FRAME
+    assert {"stop", "quick_stop", "release", "alive", "note"} == messages.WITHOUT_EPOCH
+    assert {"stop", "quick_stop", "release", "alive", "renew"} == messages.FREE
+    assert {"alive", "renew"} == messages.SILENT
+    assert {
+        "power", "increment", "move", "move_by", "reset", "acknowledge", "set", "note", "brake_test",
+        "commission_begin", "commission_step", "commission_end",
+    } == messages.KEPT_FIRST  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("place", "local", "remote"),
+    [("local", True, False), ("console", False, False), ("remote", False, True), ("", False, True)],
+)
+def test_whoever_has_not_proved_to_be_here_is_remote(place: str, local: bool, remote: bool) -> None:
+    who = Identity("c", "anna", Role.OPERATOR, place)
+    assert (who.local, who.remote) == (local, remote)
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ('"target_deg":"a"', "move: 'epoch' is missing"),
+        ('"epoch":"a","target_deg":1,"more":2', "move: 'more' is not a key of it"),
+        ('"epoch":1,"target_deg":"a"', "move: 'target_deg' is not a finite number"),
+    ],
+)
+def test_a_key_too_few_or_too_many_is_told_before_a_wrong_value(change: str, cause: str) -> None:
+    with pytest.raises(MessageRefused) as refused:
+        parse(f'{{"type":"move","seq":1,"frame":"1-0123456789abcdef",{change}}}')
+    assert str(refused.value) == cause
+
+
+# --- tags -------------------------------------------------------------------------------------------------------------
+
+
+def test_the_unit_of_a_tag_is_that_of_its_name() -> None:
+    units = {
+        "_deg_s2": "deg/s2", "_deg_s": "deg/s", "_deg": "deg", "_nm": "N m", "_us": "us", "_ms": "ms", "_s": "s",
+        "_percent": "%",
+    }  # fmt: skip
+    for name, tag in BY_NAME.items():
+        wanted = next((unit for ending, unit in units.items() if name.endswith(ending)), "")
+        assert tag.unit == wanted, name
+
+
+def test_each_word_has_the_number_of_its_place() -> None:
+    """A packed number is the place of a word among the labels."""
+    words = {
+        "axis_state": AxisState, "drive_state": DriveState, "power_phase": PowerPhase, "mode": Mode,
+        "brake_test_phase": BrakeTestPhase, "brake_test_result": BrakeTestOutcome,
+        "commissioning": CommissioningPhase, "journal_state": JournalState,
+    }  # fmt: skip
+    for name, kind in words.items():
+        assert [each.value for each in kind] == list(range(len(kind))), name
+        assert BY_NAME[name].labels == tuple(each.name.lower() for each in kind)
+    assert {name for name, tag in BY_NAME.items() if tag.kind == "enum"} == {*words, "armed_action"}
+
+
+def test_what_moves_is_told_twenty_times_a_second_and_who_may_set_what() -> None:
+    moving = (
+        "pos_act_deg", "vel_act_deg_s", "pos_ref_deg", "vel_ref_deg_s", "pos_err_deg", "torque_act_nm", "time_left_s",
+        "stopping_angle_deg", "key_lost_angle_deg", "quick_stop_angle_deg", "travel_left_minus_deg", "axis_state",
+        "brake_open", "horn", "estop_ok", "lease_left_ms", "following_error_trip_deg", "brake_test_torque_nm",
+    )  # fmt: skip
+    assert {BY_NAME[name].rate for name in moving} == {"20 Hz"}
+    assert {name: tag.role for name, tag in BY_NAME.items() if tag.role != "viewer"} == {
+        "mode": "operator", "speed_setting_deg_s": "operator", "increment_deg": "operator",
+        "override_percent": "operator", "acc_setting_deg_s2": "physicist",
+    }  # fmt: skip
+
+
+# --- descriptions -----------------------------------------------------------------------------------------------------
+
+
+def test_what_may_be_missing_or_unknown_is_described_so() -> None:
+    """A client that checks what it gets would refuse a state that there is."""
+    kinds: dict[str, Any] = {
+        name: schema["properties"] for name, schema in SCHEMAS.items() if "properties" in schema
+    }
+    null = ["number", "null"]
+    assert SCHEMAS["Tags"]["properties"]["no_go_deg"]["items"] == {
+        "type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2,
+    }  # fmt: skip
+    assert kinds["Visitor"]["place"] == {"enum": ["console", "remote"]}
+    assert kinds["CommissioningStep"]["outcome"] == {"enum": ["", "passed", "failed", "not_testable"]}
+    figure = kinds["CommissioningStep"]["figures"]["additionalProperties"]["properties"]
+    assert figure == {key: {"type": null} for key in ("value", "low", "high")}
+    assert kinds["Health"]["controller"] == {"enum": ["ok", "silent"]}
+    assert [kinds["Samples"][key]["type"] for key in ("period_s", "newest_s", "utc_s")] == [
+        null,
+        null,
+        "number",
+    ]
+    sampled = kinds["Samples"]["tags"]["properties"]
+    assert sampled["pos_act_deg"]["items"] == {"type": null}
+    assert "machine" not in sampled
+    assert kinds["Samples"]["tags"]["required"] == []
+    assert kinds["Columns"]["utc_s"]["type"] == null
+    assert {name for name, schema in SCHEMAS.items() if schema.get("additionalProperties", True)} == {
+        "Message", "Description"
+    }  # fmt: skip
+
+
+def test_a_refusal_that_was_made_by_hand_has_no_number() -> None:
+    """0 stands for none: a page waits for the numbers that it has given."""
+    refused = MessageRefused(Code.SEC_07, reason=Words.TAKE_CONTROL_FIRST)
+    assert (refused.seq, refused.exit_code) == (0, 2)
+
+
+@pytest.mark.parametrize(("length", "shown"), [(40, 40), (41, 40), (500, 40)])
+def test_of_a_key_that_nobody_knows_forty_letters_are_told(length: int, shown: int) -> None:
+    with pytest.raises(MessageRefused) as refused:
+        parse(f'{{"type":"stop","seq":1,"{"k" * length}":1}}')
+    assert str(refused.value) == f"stop: '{'k' * shown}' is not a key of it"
+
+
+def test_of_a_value_beyond_its_limit_forty_letters_are_told() -> None:
+    with pytest.raises(MessageRefused) as refused:
+        parse(f'{{"type":"stop","seq":{"9" * 60}}}')
+    assert str(refused.value) == f"stop: 'seq' {'9' * 40} is beyond 9007199254740992"
+    assert refused.value.seq == 0
+
+
+def test_a_number_begins_at_0() -> None:
+    samples = SCHEMAS["Samples"]["properties"]
+    assert [samples[key]["minimum"] for key in ("from", "next", "newest")] == [0, 0, 0]
