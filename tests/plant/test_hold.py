@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
-from gantryctl.image import DriveRequest, DriveState, StopCause, SystemStop
+from gantryctl.image import DriveRequest, DriveState, LinkFlag, StopCause, SystemStop
 from gantryctl.program import Code, PowerPhase
 from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
@@ -118,6 +120,30 @@ def test_a_drive_that_leaves_a_hold_is_not_enabled_again(oracle):
     assert "Torque kept" not in rig.axis.alarms.active[Code.BRK_04].text
     oracle.caught("INV-1")  # nothing is left that could hold it
     oracle.caught("INV-2")
+
+
+@pytest.mark.parametrize("lost", ["telegrams", "drive"])
+@AT_EVERY_SCAN_MS
+def test_telegrams_that_are_missing_do_not_take_the_torque_off_a_load_that_the_brake_does_not_hold(
+    scan_ms, lost, oracle
+):
+    """CAN-03 is a quick stop, and HOLD yields to torque off alone; a drive that shows that it has left is lost."""
+    rig = slipping(scan_ms, CHECK_NM)
+    rig.run(2.0)
+    assert rig.phase is PowerPhase.TORQUE_HOLD
+    last, missing = rig.drive.read(), itertools.count(1)
+    if lost == "telegrams":
+        rig.spoil = lambda _: last._replace(age_scans=next(missing), link=LinkFlag.LATE)
+    else:
+        rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCH_ON_DISABLED)
+    rig.run(1.0)
+    assert (rig.engine.output.request is DriveRequest.ENABLE) is (lost == "telegrams")
+    assert rig.codes == (["BRK-04", "CAN-03"] if lost == "telegrams" else ["BRK-04", "DRV-04"])
+    if lost == "telegrams":
+        assert rig.reach_deg < CAUGHT_DEG
+    else:
+        oracle.caught("INV-1")  # nothing is left that could hold it
+        oracle.caught("INV-2")
 
 
 def test_service_ends_the_horn():

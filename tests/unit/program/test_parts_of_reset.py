@@ -287,6 +287,14 @@ def test_nothing_was_switched_on_is_not_told_of_an_axis_that_has_turned():
     assert stop.steps == [W.ANGLE_UNKNOWN]
 
 
+def test_nobody_is_told_to_press_the_emergency_stop_on_a_load_that_torque_holds():
+    """The brake does not hold it: the load is caught at up to 0.21 deg/s, and the emergency stop would let it go."""
+    stop = Stop(Reaction.HOLD)
+    stop.scan(1, deg_s=0.2, brake_open=False)
+    stop.scan(2, over=True)
+    assert stop.steps == [W.TORQUE_KEPT, W.MOVED_TO]
+
+
 def test_a_hold_keeps_its_torque_and_tells_no_end_of_it():
     stop = Stop(Reaction.HOLD)
     stop.scan(1, deg_s=0.0, state=OFF, brake_open=False)

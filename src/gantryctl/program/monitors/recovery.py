@@ -158,7 +158,8 @@ class StopRecord:
             parts += _unconfirmed(
                 self._was_torque and not off, self._was_open and not closed, self._slow_scan >= 0
             )
-        if self._turning_rad_s and self._angle_known:
+        # Of a load that torque holds the emergency stop would let go; one that moves all the same is BRK-13.
+        if self._turning_rad_s and self._angle_known and not hold:
             parts.append(Words.STILL_TURNING(speed=abs(deg(self._turning_rad_s))))
         moved = deg(pos_rad - alarm.pos_rad)
         parts.append(

@@ -527,7 +527,9 @@ class PowerSequence:
         if self._feedback.state in ENABLED:
             self.torque_ff_nm = self.holding.preload_nm
         elif self._hold_watch.has_held:
-            self._lost()
+            # Telegrams that are missing are no word of the drive: it holds the load, and the brake does not (E4).
+            if not self._feedback.state_old:
+                self._lost()
         elif self._count > self._power_up_scans:
             self._stuck(_OPERATION_ENABLED)
         self._hold_watch.scan(self._slip.moved(pos_rad))
