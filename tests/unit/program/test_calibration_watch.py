@@ -214,6 +214,7 @@ def test_gears_without_windup_swing_behind_no_gap() -> None:
     """There is no period to look for, whatever bound a person gives."""
     assert new_watch(windup_per_acc_s2=0.0, backlash_bound_rad=1e-4)._swing is None
     assert new_watch(backlash_bound_rad=1e-4)._swing is not None
+    assert new_watch(backlash_bound_rad=math.inf)._swing is None, "nobody asks"
 
 
 def test_motion_one_way_names_nothing_that_it_cannot_tell_apart() -> None:

@@ -23,7 +23,7 @@ from gantryctl.image import (
 from gantryctl.program import AxisProgram, AxisState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.axis.command_checks import check_direction, check_target, way_to
+from gantryctl.program.axis.command_checks import check_direction, check_target, inside_turn, way_to
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.axis.turns import Turns
 from gantryctl.program.blocks import MoveAbsolute, Power
@@ -39,7 +39,9 @@ from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.monitors.torque_model import TorqueModel
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome, BrakeTestPhase
+from gantryctl.program.power.ramp_watch import RampWatch
 from gantryctl.program.power.slip_watch import SlipWatch
+from gantryctl.program.power.torque_proof import TorqueProof
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts
@@ -183,6 +185,32 @@ def test_missed_scans_are_way_and_no_doubt_of_a_sound_encoder(period_s, speed_de
         encoder.feedback.periods = 2 if draw.random() < 0.1 else 1
         encoder.scan(step_deg=off_deg - before)
     assert encoder.codes == []
+
+
+@BOTH
+@pytest.mark.parametrize(("age", "deg_s"), [(29, 3.0), (30, 4.0)])
+def test_a_speed_that_is_too_old_to_keep_the_last_one_is_taken_as_it_is(age, deg_s, way):
+    """A speed that is told in a telegram of its own, 4 deg/s behind 3; 30 ms are what a reading may be old."""
+    encoder = Encoder(speed_deg_s=way * 3.0)
+    encoder.scan(speed_age_scans=age, speed_deg_s=way * 4.0)
+    assert encoder.feedback.vel_rad_s == approx(way * rad(deg_s))
+
+
+@BOTH
+@pytest.mark.parametrize(("scans", "codes"), [(5, []), (6, ["ENC-14"])])
+def test_for_five_scans_behind_a_late_telegram_a_speed_may_change_as_by_the_brake(scans, codes, way):
+    """0.3 deg/s in 1 ms without torque: beyond 0.2 and 5.5 deg/s2, within 0.2 and 169 deg/s2."""
+    encoder = Encoder(
+        0.001,
+        way * 3.0,
+        monitors={"speed_change_max_rad_s2": rad(169.0), "speed_change_per_torque": rad(0.08)},
+    )
+    encoder.scan(age_scans=1)
+    for _ in range(scans - 1):
+        encoder.scan()
+    encoder.speed_deg_s = way * 3.3
+    encoder.scan()
+    assert encoder.codes == codes
 
 
 @pytest.mark.parametrize(("last", "codes"), [(99, ["ENC-03", "ENC-04"]), (100, ["ENC-03"])])
@@ -402,6 +430,19 @@ def test_an_increment_may_be_the_whole_travel(way):
     assert rig.program.inch.command.target_rad == approx(rad(180.0) * way)
 
 
+@pytest.mark.parametrize("key", ["forward", "reverse"])
+def test_an_increment_is_done_as_long_as_its_key_is_held(key):
+    rig = powered()
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(1.0))
+    press(rig, **{key: True})
+    rig.until(lambda: rig.program.inch.done, 3.0)
+    rig.run(0.1)
+    rig.op(override=0.9)
+    assert rig.program.inch.done
+    press(rig, **{key: False})
+    assert not rig.program.inch.done
+
+
 @BOTH
 def test_at_the_edge_of_a_sector_it_is_named_by_the_edge_that_is_met(way):
     """Between sectors from 60 and from -60 deg on, with a speed below 1 rad/s."""
@@ -429,6 +470,20 @@ def test_a_move_by_hand_that_is_too_fast_is_refused_for_that():
     assert rig.program.jog.busy
     refused = rig.program._check_move(rig.operator._replace(speed_rad_s=rad(100.0)))
     assert refused.code is Code.CTL_01
+
+
+def test_an_axis_that_is_off_is_in_no_position():
+    rig = powered()
+    assert rig.axis.in_position
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.is_off, 2.0)
+    assert not rig.axis.in_position
+
+
+def test_no_way_at_all_is_forward():
+    assert inside_turn(rad(10.0), rad(10.0), modulo().travel) is Direction.POSITIVE
+    assert inside_turn(rad(10.0), rad(9.9), modulo().travel) is Direction.NEGATIVE
+    assert inside_turn(rad(10.0), rad(9.9), settings().travel) is None
 
 
 def test_a_guarded_command_is_followed_by_nothing_in_that_scan():
@@ -515,6 +570,49 @@ def test_the_record_of_a_stop_is_written_to_its_end_and_no_further():
     assert W.MOVED_TO in [getattr(step, "words", step) for step in steps]
     recovery.scan(2, rad(5.0))
     assert alarm.steps is steps
+
+
+def test_a_reading_that_came_to_stand_in_a_stop_of_the_first_scan_is_told():
+    stop = Stop()
+    stop.scan(0, state=OFF, counts=100)
+    stop.scan(3, counts=101, deg_s=-2.5)
+    stop.scan(4, deg_s=0.0)
+    stop.scan(200, brake_open=False)
+    stop.scan(300, over=True)
+    assert Code.ENC_02 in stop.parts.alarms.active
+
+
+@BOTH
+@pytest.mark.parametrize(("scans", "codes"), [(499, []), (500, ["BRK-14"])])
+def test_torque_of_both_ways_within_half_a_second_is_a_load_that_swings(scans, codes, way):
+    parts = Parts()
+    watch = TorqueWatch(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
+    parts.alarms.scan = 1000
+    watch._effort(-way * 200.0, 0.0, way * rad(3.0))
+    watch._pulled, watch._missing = True, 1.0
+    parts.alarms.scan += scans
+    watch._effort(way * 200.0, 0.0, way * rad(3.0))
+    assert parts.codes == codes
+
+
+@BOTH
+def test_a_torque_that_jumps_as_the_count_begins_to_stand_is_one_jump(way):
+    parts = Parts(monitors={"encoder_still_time_s": 0.5, "torque_still_max_nm": 15.0})
+    watch = Liveness(parts.settings, parts.feedback, parts.holding, parts.alarms)
+    for counts, torque_nm in ((100.0, 0.0), (101.0, 0.0), *[(101.0, way * 300.0)] * 50):
+        parts.alarms.scan += 1
+        parts.feedback.counts, parts.feedback.torque_nm = counts, torque_nm
+        watch.stand(proven=True)
+    assert watch.dithers == 0
+
+
+def test_a_drive_above_its_ramp_for_a_scan_has_left_it():
+    parts = Parts()
+    watch = RampWatch(parts.settings, parts.feedback)
+    for deg_s, left in ((0.49, False), (0.51, True), (0.49, False)):
+        parts.turn(deg_s)
+        assert watch.obeyed(0.1)
+        assert watch.left is left
 
 
 def test_a_reading_that_never_turned_did_not_come_to_stand():
@@ -851,6 +949,49 @@ def test_a_failed_test_forbids_power_and_not_the_next_test():
     rig.axis.alarms.raise_(Code.BRK_08, measured="bore 10 N m")
     assert rig.axis.power_on() is not None
     assert rig.axis.begin_brake_test() is None
+
+
+def test_the_proof_begins_4_ms_behind_the_scan_that_shows_a_drive_enabled():
+    rig = Rig()
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.feedback.state is DriveState.OPERATION_ENABLED, 1.0)
+    begun = rig.scan
+    rig.until(lambda: rig.axis.power.phase is P.PROVING, 0.1)
+    assert rig.scan - begun == 3, "the first of the four is the one that shows it"
+
+
+@BOTH
+@pytest.mark.parametrize("drift", [2.0, 0.0, -2.0])
+def test_what_the_proof_torque_turns_is_counted_beside_what_the_load_swings_on(drift, way):
+    """A swinging load turns the shaft by two counts a scan, either way; as the torque comes, by 5 more."""
+    parts = Parts()
+    parts.holding.mean_nm = way * 12.0
+    parts.holding.preload()
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    parts.feedback.counts = 1000.0
+    proof.begin()
+    for scan in range(1, 11):
+        parts.feedback.counts = 1000.0 + drift * scan
+        assert not proof.given(scan)
+    parts.feedback.counts, parts.feedback.torque_nm = 1000.0 + drift * 12 + way * 5.0, way * 30.0
+    assert proof.given(12)
+    assert proof._turned == approx(5.0)
+
+
+@BOTH
+def test_a_proof_that_is_not_given_is_told_with_its_time(way):
+    """24 of 30 N m within 0.5 s."""
+    parts = Parts()
+    parts.holding.mean_nm = way * 12.0
+    parts.holding.preload()
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    proof.begin()
+    parts.feedback.torque_nm = way * 23.0
+    assert not proof.given(500)
+    assert parts.codes == []
+    assert not proof.given(501)
+    told = parts.alarms.active[Code.BRK_07].values
+    assert told == approx({"measured": 23.0, "limit": 24.0, "time_ms": 501.0})
 
 
 def test_the_phases_of_a_brake_test_have_their_numbers():
