@@ -120,13 +120,15 @@ def test_a_time_shorter_than_a_scan_is_one_scan(
         axis.run(0.1, speed_deg_s=0.3)
 
 
-def test_a_fault_that_shows_late_behind_a_silence_is_reset() -> None:
+@pytest.mark.parametrize("scans", [5, 24])
+def test_a_fault_that_shows_late_behind_a_silence_is_reset(scans: int) -> None:
+    """Also in the last of the 25 scans of 4 ms."""
     drive, axis = enabled()
     drive.wrote.clear()
 
     def spoil(seen: DriveFeedback) -> DriveFeedback:
         reset = any(output.request is DriveRequest.FAULT_RESET for output in drive.wrote)
-        late = len(drive.wrote) > 5 and not reset
+        late = len(drive.wrote) > scans and not reset
         return seen._replace(state=S.FAULT if late else S.SWITCH_ON_DISABLED)
 
     drive.spoil = spoil

@@ -18,7 +18,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest
 from gantryctl.machine import Machine, with_values
 from gantryctl.operation.home_reference import AbsoluteReading, RestVerdict
-from unit.commissioning.hand_drive import MACHINE, HandDrive, context, opens
+from unit.commissioning.hand_drive import MACHINE, HandDrive, context, enabled, opens
 
 SPAN = 2**31
 
@@ -97,6 +97,45 @@ def test_a_command_that_shows_too_late_fails(
     found = judged(monkeypatch, "sync", drive)
     assert found.number("dead_scans") == scans
     assert (found.outcome is Outcome.PASSED) is passes
+
+
+def test_a_drive_that_is_never_enabled_is_waited_for_a_hundred_scans(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = bus_drive(0, 0)
+    write = drive.write
+    drive.write = lambda output: write(output._replace(request=DriveRequest.DISABLE))  # type: ignore[method-assign]
+    drive.process.answer_times_s = [0.001]
+    found = judged(monkeypatch, "sync", drive)
+    assert (found.outcome, found.number("dead_scans")) == (Outcome.FAILED, 100.0)
+
+
+@pytest.mark.parametrize(("received", "missed", "part"), [(0, 0, 0.0), (0, 1, 1.0), (1, 1, 0.5)])
+def test_a_node_of_few_telegrams_has_missed_its_part(
+    monkeypatch: pytest.MonkeyPatch, received: int, missed: int, part: float
+) -> None:
+    drive = bus_drive(0, 0)
+    node = SimpleNamespace(
+        watch=SimpleNamespace(missed=missed, received=received), identity=SimpleNamespace(text="maker"),
+        remote=SimpleNamespace(node=3), compare=list,
+    )  # fmt: skip
+    drive.beside = SimpleNamespace(nodes=[node])  # type: ignore[attr-defined]
+    found = judged(monkeypatch, "nodes", drive, with_values(MACHINE, {"can.io.node": 3}))
+    assert found.number("node_3_missed_ratio") == part
+
+
+def test_a_statusword_by_sdo_stands_between_two_telegrams() -> None:
+    """6041 is read behind the first one; three scans later comes the second."""
+    drive, axis = enabled()
+    drive.sdo.values[0x6041] = 0x0250
+    drive.process.statusword = 0x0237
+    begun, write = len(drive.wrote), drive.write
+
+    def turned(output: Any) -> None:
+        write(output)
+        drive.process.statusword = 0x0231 + len(drive.wrote) - begun
+
+    drive.write = turned  # type: ignore[method-assign]
+    assert steps_bus._statusword_sample(axis, 3) == (0x0237, 0x0250, 0x0234)
+    assert [output.request for output in drive.wrote[begun:]] == [DriveRequest.DISABLE] * 3
 
 
 @pytest.mark.parametrize(("answer_ms", "passes"), [(2.9, True), (3.1, False)])

@@ -41,6 +41,11 @@ def test_a_figure_outside_of_its_limits_fails_the_step_whatever_else_was_seen() 
     assert (result.outcome, result.to_do) == (Outcome.PASSED, "")
 
 
+def test_a_result_has_lasted_nothing_until_somebody_has_measured_it() -> None:
+    result = passed("sync", "seen")
+    assert (result.seconds, result.axis_s, result.at, result.by) == (0.0, 0.0, "", "")
+
+
 def test_what_is_not_finite_was_not_measured() -> None:
     result = passed("sync", "seen", answer_p50_ms=math.nan)
     assert result.figures["answer_p50_ms"].value is None

@@ -192,6 +192,22 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
         assert ended == ["the service ends"] * 3
 
 
+def test_the_desk_is_waited_for_when_a_commissioning_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was told between its last look and the end would be lost with it."""
+    desk = Desk(None)
+    made, _ = session(desk)
+    listener = SimpleNamespace(
+        start=lambda: desk.did.append("listens"), join=lambda _: desk.did.append("waited for")
+    )
+    monkeypatch.setattr(process, "threading", SimpleNamespace(Thread=lambda **_: listener))
+    monkeypatch.setattr(process, "publish_json", lambda *_: None)
+    monkeypatch.setattr(process, "short_hash", lambda _: "")
+    for name in ("_set_up", "_keep"):
+        monkeypatch.setattr(made, name, lambda: None)
+    assert made.run() == 0
+    assert desk.did == ["listens", "close", "waited for"]
+
+
 def test_a_session_has_a_folder_for_its_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in ("Board", "Desk", "Commissioning"):
         monkeypatch.setattr(process, name, lambda *_, **__: SimpleNamespace())

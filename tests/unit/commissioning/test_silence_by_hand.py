@@ -107,6 +107,10 @@ def test_the_longest_time_of_a_watchdog_counts(
     found = steps_silence.watchdog(context(NODE))
     assert (found.outcome, found.number(SILENT_STOP_S)) == (Outcome.PASSED, longest_s)
     assert found.proof.endswith("its contact is open" if ways else "the drive has no watch of its own")
+    # Four scans of 4 ms and 10 ms until it shows.
+    times = {name: found.figures[name] for name in ("watchdog_heartbeat_ms", "watchdog_ms")}
+    assert [each.value for each in times.values()] == pytest.approx([100.0, 1e3 * off_s])
+    assert [each.high for each in times.values()] == pytest.approx([176.0, 86.0])
     heartbeat = silence.Way.HEARTBEAT
     assert silences.did == [
         ((heartbeat,), 0.15), "contact", "awake", (tuple(silence.Way), 0.06), "contact", "awake",
@@ -389,3 +393,26 @@ def test_the_copy_hears_nobody_and_goes_on_until_it_is_killed(monkeypatch: pytes
     # Standard output and error: the other one tells what is to be told.
     assert did[:2] == ["9 for 1", "9 for 2"]
     assert did[2:] == ["no log", "deaf", "in time", *[DriveRequest.ENABLE] * 3, 1]
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_a_watchdog_that_has_not_acted_fails_its_step_and_keeps_no_proof(
+    monkeypatch: pytest.MonkeyPatch, contact: bool
+) -> None:
+    """Its contact still shows closed, or the drive is still enabled."""
+    drive = HandDrive()
+    silences = Silences(monkeypatch, drive, ())
+    inputs = SimpleNamespace(watchdog_contact=lambda: True)
+    drive.beside = SimpleNamespace(  # type: ignore[attr-defined]
+        inputs=inputs,
+        ask_watchdog_contact=lambda: contact,
+        io=SimpleNamespace(ask_silence_limit_s=lambda: 0.06),
+    )
+    if not contact:
+        monkeypatch.setattr(
+            steps_silence, "fall_silent", lambda *_: silence.SilentDrive(broken_off="still operation enabled")
+        )
+    found = steps_silence.watchdog(context(NODE))
+    assert found.outcome is Outcome.FAILED
+    assert ("its contact still shows closed" if contact else "still operation enabled") in found.proof
+    assert "kept" not in silences.did
