@@ -24,6 +24,7 @@ from gantryctl.gateway.opcua import listener as listener_module  # noqa: E402
 from gantryctl.gateway.opcua import people as people_module  # noqa: E402
 from gantryctl.gateway.opcua import server as server_module  # noqa: E402
 from gantryctl.gateway.opcua import services as services_module  # noqa: E402
+from gantryctl.gateway.opcua import space as space_module  # noqa: E402
 from gantryctl.gateway.opcua import trust  # noqa: E402
 from gantryctl.gateway.opcua.listener import Connection, Listener  # noqa: E402
 from gantryctl.gateway.opcua.people import People, Reader  # noqa: E402
@@ -930,3 +931,26 @@ def test_each_turn_shows_the_newest_tags_and_sweeps(monkeypatch: pytest.MonkeyPa
         0.2,
         "closed",
     ]
+
+
+def test_limits_of_opcua_are_those_of_the_manual() -> None:
+    """The table of docs/explanation/security.md, in numbers, bytes, s and ms."""
+    wanted: dict[Any, dict[str, float]] = {
+        listener_module: {
+            "CONNECTIONS": 32, "CONNECTIONS_LOOPBACK": 16, "CONNECTIONS_REMOTE": 4, "LOGIN_S": 5.0, "STUCK_S": 5.0,
+            "_WAITING": 32, "_OUT_MAX": 1_048_576,
+        },
+        services_module: {
+            "NODES_MAX": 1000, "PATHS_MAX": 100, "SUBSCRIPTIONS_MAX": 8, "ITEMS_MAX": 1000,
+            "INTERVAL_MAX_MS": 60_000.0,
+        },
+        channel_module: {
+            "BUFFER_MIN": 8192, "MESSAGE_MAX": 1_048_576, "LIFETIME_MIN_MS": 60_000, "LIFETIME_MAX_MS": 3_600_000,
+            "NONCE_MIN": 32, "SESSIONS_MAX": 4,
+        },
+        people_module: {"CHECKS_PER_S": 1.0, "CHECKS_RESERVE": 10.0},
+        server_module: {"SESSION_MAX_MS": 60_000.0, "_QUEUE_MAX": 10, "_UNACKNOWLEDGED_MAX": 20},
+        space_module: {"PERIOD_S": 0.2, "GONE_S": 5.0},
+    }  # fmt: skip
+    for module, limits in wanted.items():
+        assert {name: getattr(module, name) for name in limits} == limits

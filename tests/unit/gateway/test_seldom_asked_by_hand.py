@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,29 +17,40 @@ from starlette.requests import Request
 from starlette.websockets import WebSocket
 
 from gantryctl.gateway import access as access_module
+from gantryctl.gateway import app as app_module
+from gantryctl.gateway import door as door_module
+from gantryctl.gateway import live as live_module
+from gantryctl.gateway import peers as peers_module
+from gantryctl.gateway import rest as rest_module
 from gantryctl.gateway import server
+from gantryctl.gateway import sessions as sessions_module
+from gantryctl.gateway import settings as settings_module
+from gantryctl.gateway import traces as traces_module
 from gantryctl.gateway.access import CONSOLE_COOKIE, COOKIE, Access, person
 from gantryctl.gateway.guard import error
 from gantryctl.gateway.live import Live
-from gantryctl.gateway.peers import local_user
-from gantryctl.gateway.places import Place
+from gantryctl.gateway.peers import local_user, user_of
+from gantryctl.gateway.places import Place, Waiting
 from gantryctl.gateway.routes import API, openapi
 from gantryctl.gateway.server import PatientProtocol
 from gantryctl.gateway.sessions import SESSIONS_OF_USER, Session, Sessions
 from gantryctl.gateway.settings import Settings, neighbourhood
-from gantryctl.gateway.traces import Traces, _chunks
+from gantryctl.gateway.static import Page
+from gantryctl.gateway.traces import Recorded, Traces, _chunks
 from gantryctl.program import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.console_link import LinkTaker
 from gantryctl.service.clients.hub import Hub
-from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.protocol.roles import Role
+from gantryctl.service.recorder.journal.reading import Entry
 from gantryctl.service.supervisor.users import User
 from unit.gateway import test_patience
 from unit.gateway.test_door_by_hand import Connection, with_door
 from unit.gateway.test_doors_by_hand import HERE, JSON, Headers, guard, scope
 from unit.gateway.test_patience import GET, Wire, connected
+from unit.gateway.test_rest_by_hand import asked, routes
 from unit.gateway.test_sessions import Clock
 
 ANNA = User("anna", Role.OPERATOR, "Anna", "", "", 1, 1, 1, "")
@@ -92,6 +104,19 @@ def test_sixteen_sessions_of_one_user_end_none_of_another() -> None:
     assert all(map(made.lives, own))
     made.open(ANNA, "here")
     assert [made.lives(each) for each in own] == [False] + [True] * (SESSIONS_OF_USER - 1)
+
+
+def test_the_file_of_users_is_read_when_it_has_changed() -> None:
+    made, _, _ = sessions(ANNA)
+    reads: list[int] = []
+    stamp = SimpleNamespace(st_mtime_ns=7, st_ino=1)
+    path: Any = SimpleNamespace(stat=lambda: stamp)
+    made._users = SimpleNamespace(path=path, all=lambda: reads.append(1) or {"anna": ANNA})  # type: ignore[assignment, func-returns-value]
+    session = made.open(ANNA, "here")
+    for inode, count in ((1, 1), (1, 1), (2, 2), (2, 2)):
+        stamp.st_ino = inode
+        assert made.lives(session)
+        assert len(reads) == count
 
 
 def test_a_session_names_its_person_and_not_its_account() -> None:
@@ -181,6 +206,64 @@ def test_a_login_and_a_logout_need_a_body() -> None:
     }  # fmt: skip
 
 
+def test_one_password_is_checked_at_a_time_and_a_crowd_holds_no_other_peer_up(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A check takes 32 MB and a tenth of a second: of eight guesses of one peer and one of another."""
+    under_way, most, done = [0], [0], list[str]()
+
+    async def check(name: str, password: str) -> None:
+        under_way[0] += 1
+        most[0] = max(most[0], under_way[0])
+        await asyncio.sleep(0)
+        under_way[0] -= 1
+
+    monkeypatch.setattr(access, "_check", check)
+
+    async def log_in(address: str, name: str) -> None:
+        await access.log_in(Request({**scope("POST"), "client": (address, 1)}), name, "guess")
+        done.append(address)
+
+    async def all_at_once() -> None:
+        crowd = [log_in("192.0.2.7", f"name{n}") for n in range(8)]
+        await asyncio.gather(*crowd, log_in("192.0.2.8", "anna"))
+
+    asyncio.run(all_at_once())
+    assert (most, len(done)) == ([1], 9)
+    assert done.index("192.0.2.8") <= 1
+
+
+def test_who_opens_the_console_stands_in_the_journal(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+    monkeypatch.setattr(access_module, "local_user", lambda _: 1000)
+    monkeypatch.setattr(access.links, "take", lambda token, uid: True)
+    monkeypatch.setattr(access.hub.events, "put", lambda *what: told.append(what))
+    answer = access.open_console(Request(scope()), "0" * 16)
+    assert told == [("login", "the page is open at the console, by user 1000 of the system")]
+    # A browser must ask the next time, too; and without this path it takes no cookie with the prefix __Host-.
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert "path=/;" in answer.headers["set-cookie"].lower()
+
+
+def test_a_file_of_the_page_may_be_called_what_it_likes(access: Access) -> None:
+    door = guard(access)
+    asked = scope(path="/assets/api/one.js") | {"client": ("127.0.0.1", 1)}
+    assert {door._wait_s(asked) for _ in range(200)} == {0.0}
+
+
+@pytest.mark.parametrize(("own", "told"), [(b"max-age=7", "max-age=7"), (None, "no-store")])
+def test_what_may_be_kept_is_said_by_the_answer_itself(access: Access, own: bytes | None, told: str) -> None:
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    headers = [] if own is None else [(b"cache-control", own)]
+    start = {"type": "http.response.start", "status": 200, "headers": headers}
+    asyncio.run(guard(access)._with_headers(send)(start))
+    assert [value for name, value in sent[0]["headers"] if name == b"cache-control"] == [told.encode()]
+
+
 # --- addresses ------------------------------------------------------------------------------------------------------
 
 
@@ -199,6 +282,51 @@ def test_hosts_have_small_letters_and_brackets() -> None:
     assert made._replace(port=80).hosts == {"[2001:db8::1]:80", "gantry.example:80"}
     plain = made._replace(certificate=None, port=80)
     assert plain.hosts == {"[2001:db8::1]:80", "[2001:db8::1]", "gantry.example:80", "gantry.example"}
+
+
+def test_who_waits_for_too_long_is_ended_and_who_came_later_is_next() -> None:
+    closed: list[str] = []
+    clock = Clock()
+    waiting = Waiting(10, 5.0, clock)
+    for name in ("old", "new"):
+        waiting.add(SimpleNamespace(close=lambda name=name: closed.append(name)), "192.0.2.7", "one")  # type: ignore[arg-type]
+        clock.s += 4.0
+    assert waiting.next() is not None
+    assert (closed, len(waiting), waiting.next()) == (["old"], 0, None)
+
+
+@pytest.mark.parametrize(
+    ("state", "swapped", "kind", "uid"),
+    [(1, False, 20, 1000), (10, False, 20, None), (1, True, 20, None), (1, False, 2, None)],
+)
+def test_only_an_established_connection_with_both_ends_names_its_user(
+    monkeypatch: pytest.MonkeyPatch, state: int, swapped: bool, kind: int, uid: int | None
+) -> None:
+    """An answer of sock_diag, linux/inet_diag.h: where there is none, the system offers a socket that listens (10)."""
+    ends = [(4711, b"\x7f\0\0\1"), (8650, b"\x7f\0\0\1")]
+    (source, here), (target, there) = ends[::-1] if swapped else ends
+    said = struct.pack("=IHHII", 104, kind, 0, 1, 0) + struct.pack("=BBBB", 2, state, 0, 0)
+    said += struct.pack("!HH16s16s", source, target, here, there) + struct.pack("=III", 0, 7, 8)
+    said += struct.pack("=IIIII", 0, 0, 0, 1000, 99)
+
+    class System:
+        def __enter__(self) -> System:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def settimeout(self, _: float) -> None:
+            pass
+
+        def send(self, _: bytes) -> None:
+            pass
+
+        def recv(self, _: int) -> bytes:
+            return said
+
+    monkeypatch.setattr(peers_module.socket, "socket", lambda *_: System())
+    assert user_of(("127.0.0.1", 4711), ("127.0.0.1", 8650)) == uid
 
 
 # --- recordings -----------------------------------------------------------------------------------------------------
@@ -220,12 +348,122 @@ def test_recordings_have_world_time_and_those_under_way_are_not_listed(
     assert row["modified"].endswith("+00:00")
 
 
+def test_nobody_can_guess_the_id_of_a_recording(tmp_path: Path) -> None:
+    """Of 128 bits, and another one after each start."""
+    (tmp_path / "000001_x.parquet").write_bytes(b"abc")
+    ids = [row["id"] for _ in range(2) for row in Traces(tmp_path).rows()]
+    assert [len(each) for each in ids] == [32, 32]
+    assert ids[0] != ids[1]
+
+
+def test_a_reader_that_was_ended_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the system keeps it for as long as the gateway runs."""
+    did: list[str] = []
+
+    class Process:
+        returncode = None
+
+        async def communicate(self) -> tuple[bytes, None]:
+            raise TimeoutError
+
+        def kill(self) -> None:
+            did.append("killed")
+
+        async def wait(self) -> None:
+            did.append("waited for")
+
+    async def started(*_: Any, **__: Any) -> Process:
+        return Process()
+
+    monkeypatch.setattr(traces_module.asyncio, "create_subprocess_exec", started)
+    reader = Recorded()
+    assert asyncio.run(reader.columns(0, "one", 0, 1)) is None
+    assert (did, reader.busy) == (["killed", "waited for"], False)
+
+
 @pytest.mark.parametrize("size", [0, 1, 256 * 1024, 256 * 1024 + 1])
 def test_a_recording_is_read_to_its_last_byte_and_no_further(tmp_path: Path, size: int) -> None:
     (tmp_path / "one").write_bytes(b"x" * (size + 5))  # it has grown meanwhile
     parts = [*_chunks(os.open(tmp_path / "one", os.O_RDONLY), size)]
     assert sum(map(len, parts)) == size
     assert max(map(len, parts), default=0) <= 256 * 1024
+
+
+def test_a_download_names_its_size_and_a_note_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = routes(tmp_path)
+    made._files.open = lambda wanted: ("one.parquet", 4, iter([b"four"]))  # type: ignore[method-assign]
+    answer = asyncio.run(made._trace(Request({**scope(), "path_params": {"id": "x"}})))
+    assert answer.headers["content-length"] == "4"
+    assert answer.headers["content-disposition"] == 'attachment; filename="one.parquet"'
+    row = Entry(3, {"utc": "2026-01-02", "user": "anna", "text": "a note", "place": "console"}, "")
+    monkeypatch.setattr(rest_module, "read_journal", lambda *_, **__: [row])
+    assert asked(made._notes)[1] == [{"seq": 3, "utc": "2026-01-02", "user": "anna", "text": "a note"}]
+
+
+def test_the_page_is_a_page_by_its_folder_too(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("<html>", encoding="utf-8")
+    page = Page(tmp_path)
+    kinds = {
+        path: page.answer(Request(scope(path=path))).headers["content-type"] for path in ("/", "/index.html")
+    }
+    assert kinds == dict.fromkeys(("/", "/index.html"), "text/html; charset=utf-8")
+
+
+# --- a websocket ----------------------------------------------------------------------------------------------------
+
+
+def test_between_two_messages_of_a_page_others_have_their_turn(access: Access) -> None:
+    """All of them are there already."""
+    taken: list[str] = []
+
+    async def receive() -> dict[str, str]:
+        if len(taken) >= 100:
+            return {"type": "websocket.disconnect"}
+        return {"type": "websocket.receive", "text": "x"}
+
+    socket, client = SimpleNamespace(receive=receive), SimpleNamespace(take=taken.append)
+
+    async def whole() -> None:
+        work = asyncio.create_task(Live(access, access.hub)._receive(socket, client))  # type: ignore[arg-type]
+        for turn in range(1, 5):
+            await asyncio.sleep(0)
+            assert len(taken) == turn
+        work.cancel()
+
+    asyncio.run(whole())
+
+
+def test_a_connection_whose_parts_have_failed_is_closed_without_a_code(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = Live(access, access.hub)
+
+    async def fails(*_: Any) -> int:
+        raise RuntimeError("gone")
+
+    monkeypatch.setattr(live, "_receive", fails)
+    monkeypatch.setattr(live, "_send", fails)
+    monkeypatch.setattr(access, "place", lambda _: "remote")
+    session = Session("t", "anna", Role.OPERATOR, "", "", "here", 0.0, 0.0)
+    assert asyncio.run(live._run(SimpleNamespace(), session)) is None  # type: ignore[arg-type]
+    assert not access.hub.clients()
+
+
+def test_a_sign_of_life_is_given_twice_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+
+    async def sleep(time_s: float) -> None:
+        slept.append(time_s)
+        if len(slept) == 2:
+            raise asyncio.CancelledError
+
+    monkeypatch.setattr(app_module.asyncio, "sleep", sleep)
+    memory: Any = SimpleNamespace(words={})
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(app_module._beat(memory))
+    assert (slept, list(memory.words)) == ([0.5, 0.5], [Word.GATEWAY_NS])
 
 
 # --- a connection ---------------------------------------------------------------------------------------------------
@@ -333,3 +571,27 @@ def test_frames_are_not_compressed_and_the_end_takes_two_seconds(access: Access)
 def test_only_errors_of_the_program_are_in_the_log_of_clients(level: int, said: str, kept: bool) -> None:
     record = logging.LogRecord("uvicorn.error.clients", level, "", 0, said, (), None)
     assert bool(logging.getLogger("uvicorn.error.clients").filter(record)) is kept
+
+
+# --- limits ---------------------------------------------------------------------------------------------------------
+
+
+def test_limits_of_the_page_are_those_of_the_manual() -> None:
+    """The table of docs/explanation/security.md, in bytes, seconds and numbers."""
+    wanted: dict[Any, dict[str, float]] = {
+        settings_module: {
+            "BODY_MAX": 65_536, "CONNECTIONS": 64, "CONNECTIONS_REMOTE": 8, "CONNECTIONS_OF_USER": 16,
+            "UNUSED_S": 60.0, "REQUESTS_PER_S": 10.0, "REQUESTS_RESERVE": 40.0, "LOGINS_PER_S": 5.0,
+            "LOGINS_RESERVE": 20.0, "HEADER_S": 5.0, "STUCK_S": 5.0,
+        },
+        sessions_module: {
+            "IDLE_S": 900.0, "WHOLE_S": 28_800.0, "FAILURES": 5, "LOCK_MAX_S": 900.0, "SESSIONS_OF_USER": 16,
+            "_REMEMBERED": 10_000,
+        },
+        door_module: {"WAITING": 256, "ARRIVALS": 1024},
+        live_module: {"_STUCK_S": 5.0},
+        rest_module: {"JOURNAL_MAX": 10_000, "NOTES_MAX": 50, "NOTES_PER_S": 4.0},
+        traces_module: {"TIME_MAX_S": 30.0, "_LISTED": 500},
+    }  # fmt: skip
+    for module, limits in wanted.items():
+        assert {name: getattr(module, name) for name in limits} == limits
