@@ -135,7 +135,13 @@ def test_a_changed_program_is_not_started(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_memory_that_does_not_give_back_what_it_took_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[object] = []
+    close = memory_module.SharedMemory.close
+    monkeypatch.setattr(
+        memory_module.SharedMemory, "close", lambda memory: (closed.append(memory), close(memory))
+    )
     assert selftest._memory()[0]
+    assert len(closed) == 1
     with monkeypatch.context() as broken:
         broken.setattr(memory_module.Ring, "take", lambda _: b"something else")
         assert not selftest._memory()[0]

@@ -60,9 +60,10 @@ def test_the_file_is_for_its_owner_only_and_holds_no_password(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("name", ["", "Anna", "a b", "../x", "a" * 33, "1a", "a\n", "ä"])
-def test_a_name_is_plain(tmp_path: Path, name: str) -> None:
-    with pytest.raises(UsageError, match="a small letter"):
-        Users(tmp_path).add(name, Role.VIEWER, PASSWORD)
+@pytest.mark.parametrize("person", ["", "anna"])
+def test_a_name_is_plain_whoever_has_it(tmp_path: Path, name: str, person: str) -> None:
+    with pytest.raises(UsageError, match=r"user name .*a small letter"):
+        Users(tmp_path).add(name, Role.VIEWER, PASSWORD, person)
 
 
 @pytest.mark.parametrize("password", ["", "short", "x" * 11, "x" * (PASSWORD_MAX + 1)])
