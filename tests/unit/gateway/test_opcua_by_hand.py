@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
+import os
 from collections import defaultdict
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,7 +18,7 @@ asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not instal
 from asyncua import ua  # noqa: E402
 from asyncua.common.utils import ServiceError  # noqa: E402
 from asyncua.crypto.permission_rules import UserRole  # noqa: E402
-from asyncua.ua.ua_binary import struct_to_binary  # noqa: E402
+from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E402
 
 from gantryctl.errors import StateError  # noqa: E402
 from gantryctl.gateway.opcua import channel as channel_module  # noqa: E402
@@ -79,6 +81,12 @@ def test_a_right_password_is_no_failure_and_forgets_those_before(door: Door) -> 
     # Five wrong ones lock, also for the right one.
     assert [door.admit(each) for each in [*["wrong"] * 5, "right"]] == [False] * 6
     assert door.admit("right", "other")
+
+
+def test_of_an_account_64_letters_are_remembered(door: Door) -> None:
+    """Names from outside must not fill the memory."""
+    assert not door.admit("wrong", name="v" * 1000)
+    assert list(door.people._locks._failures) == [("v" * 64, "c")]
 
 
 def test_whoever_is_let_in_reads_as_the_user_of_now(door: Door) -> None:
@@ -954,3 +962,353 @@ def test_limits_of_opcua_are_those_of_the_manual() -> None:
     }  # fmt: skip
     for module, limits in wanted.items():
         assert {name: getattr(module, name) for name in limits} == limits
+
+
+def test_a_variable_says_what_it_means_and_waits_for_its_first_value() -> None:
+    """OPC UA Part 8: before the first picture no value is good."""
+    written: list[Any] = []
+
+    async def write_attribute(which: Any, data: Any) -> None:
+        written.append((which, data.Value.Value.Text))
+
+    async def write_value(data: Any) -> None:
+        written.append((data.Value.Value, data.StatusCode.value))
+
+    async def add_variable(*what: Any) -> Any:
+        written.append((what[0].Identifier, what[1].Name))
+        return SimpleNamespace(write_attribute=write_attribute, write_value=write_value)
+
+    made = AddressSpace(None)  # type: ignore[arg-type]
+    parent = SimpleNamespace(add_variable=add_variable)
+    asyncio.run(made._add(parent, 2, "Text", ua.VariantType.String, "The whole line."))
+    assert written == [
+        ("Axis.Text", "Text"), (ua.AttributeIds.Description, "The whole line."), ("", S.BadWaitingForInitialData)
+    ]  # fmt: skip
+    assert [space_module._words(each) for each in ("ERROR_STOP", "STANDSTILL")] == ["ErrorStop", "Standstill"]
+
+
+def test_the_library_is_told_its_limits_and_makes_nobody_an_administrator(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    internal, told = SimpleNamespace(), list[Any]()
+
+    class Server(SimpleNamespace):
+        def __init__(self, inner: Any) -> None:
+            super().__init__(limits=SimpleNamespace(), _policies=[])
+            assert inner is internal
+
+        async def init(self) -> None:
+            pass
+
+        async def set_application_uri(self, uri: str) -> None:
+            told.append(uri)
+
+        async def _setup_server_nodes(self) -> None:
+            pass
+
+        def set_endpoint(self, where: str) -> None:
+            told.append(where)
+
+        def set_security_policy(self, policies: list[Any]) -> None:
+            told.append(len(policies))
+
+    async def nothing(*_: Any) -> None:
+        pass
+
+    monkeypatch.setattr(server_module, "Sessions", lambda user_manager: internal)
+    monkeypatch.setattr(server_module, "Server", Server)
+    monkeypatch.setattr(server_module, "AddressSpace", lambda _: SimpleNamespace(build=nothing))
+    monkeypatch.setattr(server_module, "_say_limits", nothing)
+    monkeypatch.setattr(server_module, "_identify", nothing)
+    settings = server_module.Settings("127.0.0.1", 4840, str(tmp_path), str(tmp_path))
+    listener, _ = asyncio.run(server_module.make_server(settings, SimpleNamespace(put=lambda *_: None)))  # type: ignore[arg-type]
+    assert vars(internal) == {
+        "allow_remote_admin": False, "supported_tokens": (ua.UserNameIdentityToken,),
+        "max_session_timeout_ms": 60_000.0, "max_monitored_item_queue_size": 10,
+        "max_unacked_messages_per_subscription": 20,
+    }  # fmt: skip
+    limits: Any = listener.wall.limits
+    assert (limits.max_message_size, limits.max_chunk_count) == (1_048_576, 16)
+    assert told == ["urn:gantryctl:server", "opc.tcp://127.0.0.1:4840/gantryctl", 3]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_private_key_is_of_its_owner_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fails: bool
+) -> None:
+    """The library writes it with the umask of the process, which is the one of before afterwards."""
+    masks: list[int] = []
+
+    async def made(*_: Any) -> None:
+        masks.append(os.umask(0o077))
+        if fails:
+            raise OSError("disk full")
+
+    async def load(_: str) -> None:
+        pass
+
+    monkeypatch.setattr(server_module, "setup_self_signed_certificate", made)
+    server: Any = SimpleNamespace(load_certificate=load, load_private_key=load)
+    before = os.umask(0o027)
+    try:
+        if fails:
+            with pytest.raises(OSError, match="disk full"):
+                asyncio.run(server_module._identify(server, tmp_path, "127.0.0.1"))
+        else:
+            asyncio.run(server_module._identify(server, tmp_path, "127.0.0.1"))
+        masks.append(os.umask(0o027))
+    finally:
+        os.umask(before)
+    assert masks == [0o077, 0o027]
+
+
+def test_the_process_ends_with_its_parent_and_leaves_the_processor_to_the_scan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    did: list[Any] = []
+    memory = SimpleNamespace(words={server_module.Word.SUPERVISOR: 4711})
+    monkeypatch.setattr(server_module, "SharedMemory", lambda handle: did.append(handle) or memory)
+    monkeypatch.setattr(server_module, "die_with_parent", did.append)
+    monkeypatch.setattr(server_module.os, "nice", lambda by: did.append(f"nice {by}"))
+
+    async def serve(settings: Any, _: Any) -> None:
+        did.append(settings)
+
+    monkeypatch.setattr(server_module, "serve", serve)
+    level = logging.getLogger("asyncua").level
+    try:
+        said = '{"host":"h","port":1,"root":"r","directory":"d"}'
+        assert server_module.main([said, "7"]) == 0
+        assert logging.getLogger("asyncua").level == logging.CRITICAL
+    finally:
+        logging.getLogger("asyncua").setLevel(level)
+    assert did == [7, 4711, "nice 5", server_module.Settings("h", 1, "r", "d")]
+
+
+# --- the opening of a channel -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("receives", "sends", "taken"), [(8192, 8192, True), (8191, 8192, False), (8192, 8191, False)]
+)
+def test_hello_announces_buffers_of_8_kib_both_ways_and_comes_once(
+    receives: int, sends: int, taken: bool
+) -> None:
+    channel, wrote = channel_of(b""), list[Any]()
+    channel._greeted = False
+    channel._answers = SimpleNamespace(
+        _limits=SimpleNamespace(create_acknowledge_and_set_limits=lambda _: ua.Acknowledge())
+    )
+    channel._transport = SimpleNamespace(write=wrote.append)
+    hello = ua.Hello(0, receives, sends, 0, 0, "")
+    if not taken:
+        with pytest.raises(channel_module.ChannelRefused) as refused:
+            channel._hello(hello)
+        assert (refused.value.status, wrote) == (S.BadConnectionRejected, [])
+        return
+    channel._hello(hello)
+    assert len(wrote) == 1
+    with pytest.raises(channel_module.ChannelRefused):
+        channel._hello(hello)
+
+
+POLICY = "http://opcfoundation.org/UA/SecurityPolicy#Basic256Sha256"
+NONE = channel_module.SecurityPolicyNone.URI
+RENEW, ISSUE = ua.SecurityTokenRequestType.Renew, ua.SecurityTokenRequestType.Issue
+SIGN, BOTH, PLAIN = (
+    ua.MessageSecurityMode.Sign,
+    ua.MessageSecurityMode.SignAndEncrypt,
+    ua.MessageSecurityMode.None_,
+)
+
+
+@pytest.mark.parametrize(
+    ("before", "policy", "certificate", "mode", "nonce", "kind", "refused"),
+    [
+        (None, POLICY, b"one", BOTH, 32, ISSUE, None), (None, NONE, b"", PLAIN, 0, ISSUE, None),
+        (None, POLICY, b"one", SIGN, 32, ISSUE, S.BadSecurityModeRejected),
+        (None, POLICY, b"one", PLAIN, 32, ISSUE, S.BadSecurityModeRejected),
+        (None, NONE, b"", BOTH, 0, ISSUE, S.BadSecurityModeRejected),
+        (None, POLICY, b"one", BOTH, 31, ISSUE, S.BadNonceInvalid),
+        (None, POLICY, b"one", BOTH, 33, ISSUE, S.BadNonceInvalid),
+        (None, POLICY, b"one", BOTH, 32, RENEW, S.BadRequestTypeInvalid),
+        (None, "urn:other", b"one", BOTH, 32, ISSUE, S.BadSecurityPolicyRejected),
+        ((POLICY, b"one"), POLICY, b"one", BOTH, 32, RENEW, None),
+        ((POLICY, b"one"), POLICY, b"one", BOTH, 32, ISSUE, S.BadRequestTypeInvalid),
+        ((POLICY, b"one"), POLICY, b"two", BOTH, 32, RENEW, S.BadSecurityChecksFailed),
+        ((POLICY, b"one"), NONE, b"", PLAIN, 0, RENEW, S.BadSecurityChecksFailed),
+        ((NONE, b""), POLICY, b"one", BOTH, 32, RENEW, S.BadSecurityChecksFailed),
+    ],
+)  # fmt: skip
+def test_a_channel_is_opened_signed_and_encrypted_and_renewed_by_its_client(
+    monkeypatch: pytest.MonkeyPatch, before: Any, policy: str, certificate: bytes, mode: Any, nonce: int, kind: Any,
+    refused: int | None,
+) -> None:  # fmt: skip
+    asked = SimpleNamespace(SecurityPolicyURI=policy, SenderCertificate=certificate)
+    wanted = SimpleNamespace(
+        SecurityMode=mode, ClientNonce=b"n" * nonce, RequestType=kind, RequestedLifetime=5
+    )
+    found = {ua.AsymmetricAlgorithmHeader: asked, ua.OpenSecureChannelParameters: wanted}
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda which, _: found[which])
+    monkeypatch.setattr(channel_module, "first_of", lambda given: given)
+    monkeypatch.setattr(channel_module, "bounded", lambda _: None)
+    monkeypatch.setattr(channel_module, "nodeid_from_binary", lambda _: None)
+    monkeypatch.setattr(channel_module, "read_header", lambda _: SimpleNamespace(RequestHandle=4711))
+    monkeypatch.setattr(channel_module, "time", SimpleNamespace(monotonic=lambda: 100.0))
+    channel, sent = channel_of(b"" if before is None else before[1], judge=lambda _: None), list[Any]()
+    channel._open = before is not None
+    channel._secure = SimpleNamespace(
+        security_policy=SimpleNamespace(URI="" if before is None else before[0]),
+        open=lambda *_: ua.OpenSecureChannelResult(),
+    )
+    channel._wall.policies, channel._wall.internal = {POLICY: None}, None
+    message = SimpleNamespace(body=lambda: None, SequenceHeader=lambda: None)
+    channel._received = lambda *_: message
+    channel._answers = SimpleNamespace(send_response=lambda handle, *_: sent.append(handle))
+    opens = lambda: channel._open_channel(SimpleNamespace(body_size=0), SimpleNamespace(copy=lambda _: None))  # noqa: E731
+    if refused is not None:
+        with pytest.raises(channel_module.ChannelRefused) as why:
+            opens()
+        assert (why.value.status, sent) == (refused, [])
+        return
+    opens()
+    # A minute at the least, and a quarter more.
+    assert (channel._open, channel.certificate, channel._until_s, sent) == (True, certificate, 175.0, [4711])
+
+
+# --- subscriptions ----------------------------------------------------------------------------------------------
+
+
+def held(*owners: str, items: int = 0) -> Any:
+    """What session "own" holds beside "other" on its channel: subscriptions 1, 2, ... of these owners."""
+    service = SimpleNamespace(_monitored_items=range(items))
+    each = {
+        number: SimpleNamespace(session_id=owner, monitored_item_srv=service)
+        for number, owner in enumerate(owners, 1)
+    }
+    internal = SimpleNamespace(subscription_service=SimpleNamespace(subscriptions=each))
+    return services_module.Holdings(internal, "own", {"own", "other"})
+
+
+def body(found: Any) -> Bounded:
+    return Bounded(struct_to_binary(found))
+
+
+def status_of(work: Any) -> int:
+    with pytest.raises(ServiceError) as refused:
+        work()
+    return int(refused.value.code)
+
+
+def test_a_session_works_on_its_own_subscriptions_alone() -> None:
+    """1 is its own, 2 that of another session of its channel, 3 of another channel."""
+    mine, ids = held("own", "other", "stranger"), ua.ObjectIds
+    reading = services_module.READING
+    modify = reading[ids.ModifySubscriptionRequest_Encoding_DefaultBinary]
+    delete = reading[ids.DeleteSubscriptionsRequest_Encoding_DefaultBinary]
+    for number in (2, 3, 4):
+        one = ua.ModifySubscriptionParameters(number)
+        assert status_of(lambda one=one: modify(mine, body(one))) == S.BadSubscriptionIdInvalid
+        many = ua.DeleteSubscriptionsParameters([1, number])
+        assert status_of(lambda many=many: delete(mine, body(many))) == S.BadSubscriptionIdInvalid
+        items = ua.CreateMonitoredItemsParameters(number, ua.TimestampsToReturn.Both, [])
+        assert (
+            status_of(lambda it=items: services_module._monitor(mine, body(it))) == S.BadSubscriptionIdInvalid
+        )
+    modify(mine, body(ua.ModifySubscriptionParameters(1)))
+    delete(mine, body(ua.DeleteSubscriptionsParameters([1])))
+    assert (list(mine.subscriptions()), list(mine.of_channel())) == ([1], [1, 2])
+
+
+def test_a_channel_has_eight_subscriptions_and_a_thousand_items() -> None:
+    asked = ua.CreateSubscriptionParameters()
+    assert status_of(lambda: services_module._subscribe(held(*["own", "other"] * 4), body(asked))) == (
+        S.BadTooManySubscriptions
+    )
+    services_module._subscribe(held(*["own", "other", "stranger"] * 3), body(asked))
+    one = ua.CreateMonitoredItemsParameters(1, ua.TimestampsToReturn.Both, [ua.MonitoredItemCreateRequest()])
+    assert services_module._monitor(held("own", "other", items=499), body(one))
+    assert status_of(lambda: services_module._monitor(held("own", "other", items=500), body(one))) == (
+        S.BadTooManyMonitoredItems
+    )
+
+
+@pytest.mark.parametrize(
+    ("asked_ms", "given_ms"),
+    [(0.001, 200.0), (200.0, 200.0), (500.0, 500.0), (1e9, 60_000.0), (math.nan, 200.0)],
+)
+def test_an_interval_is_no_shorter_than_a_turn_and_no_longer_than_a_minute(
+    asked_ms: float, given_ms: float
+) -> None:
+    asked = ua.CreateSubscriptionParameters(asked_ms)
+    made = services_module._subscribe(held(), body(asked))
+    assert struct_from_binary(ua.CreateSubscriptionParameters, made).RequestedPublishingInterval == given_ms
+
+
+def test_who_has_no_subscription_waits_for_nothing_and_acknowledges_its_own_alone() -> None:
+    rows = [ua.SubscriptionAcknowledgement(number, 7) for number in (1, 2, 3)]
+    asked = ua.PublishParameters(rows)
+    assert status_of(lambda: services_module._publish(held("other"), body(asked))) == S.BadNoSubscription
+    made = services_module._publish(held("own", "other", "own"), body(asked))
+    found = struct_from_binary(ua.PublishParameters, made).SubscriptionAcknowledgements
+    assert [row.SubscriptionId for row in found] == [1, 0, 3]
+
+
+def test_a_null_list_is_an_empty_one() -> None:
+    """OPC UA Part 6, section 5.2.5; the library fails on it."""
+    delete = services_module.READING[ua.ObjectIds.DeleteMonitoredItemsRequest_Encoding_DefaultBinary]
+    made = delete(held("own"), body(ua.DeleteMonitoredItemsParameters(1, None)))
+    assert struct_from_binary(ua.DeleteMonitoredItemsParameters, made).MonitoredItemIds == []
+
+
+def test_a_channel_without_a_certificate_finds_servers_and_nothing_else() -> None:
+    channel = channel_of(b"")
+    channel._answers = "answers"
+    find = ua.ObjectIds.FindServersRequest_Encoding_DefaultBinary
+    assert asyncio.run(channel._judged(find, None, "body")) == ("answers", "body")
+    for kind in (channel_module.CREATE, channel_module.ACTIVATE, 99_999):
+        assert status_of(lambda kind=kind: asyncio.run(channel._judged(kind, None, None))) == (
+            S.BadSecurityPolicyRejected
+        )
+    assert {
+        getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary")
+        for name in ("Write", "Call", "AddNodes")
+    } <= services_module.CHANGES
+    assert not services_module.CHANGES & services_module.READING.keys()
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_a_session_is_activated_with_the_key_of_its_client(
+    monkeypatch: pytest.MonkeyPatch, sound: bool
+) -> None:
+    """It signs the server's certificate and the nonce of this session."""
+    signed: list[Any] = []
+
+    async def admit(*_: Any) -> bool:
+        return True
+
+    def verify(*what: Any) -> None:
+        signed.append(what)
+        if not sound:
+            raise ValueError("another key")
+
+    monkeypatch.setattr(channel_module, "judge_identity", lambda _: None)
+    wanted = SimpleNamespace(
+        UserIdentityToken=ua.UserNameIdentityToken(), ClientSignature=SimpleNamespace(Signature=b"signature")
+    )
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda *_: wanted)
+    channel = channel_of(b"abc")
+    channel.address = "192.0.2.7"
+    policy = SimpleNamespace(
+        host_certificate=b"server", AsymmetricEncryptionURI="", peer_certificate=b"abc",
+        asymmetric_cryptography=SimpleNamespace(verify=verify),
+    )  # fmt: skip
+    channel._secure = SimpleNamespace(security_policy=policy)
+    channel._wall.people = SimpleNamespace(admit=admit)
+    channel._wall.internal = SimpleNamespace(decrypt_user_token=lambda *_: ("anna", "right"))
+    activates = channel._may_activate(SimpleNamespace(nonce=b"nonce"), SimpleNamespace(copy=lambda: None))
+    if sound:
+        asyncio.run(activates)
+    else:
+        assert status_of(lambda: asyncio.run(activates)) == S.BadApplicationSignatureInvalid
+    assert signed == [(b"servernonce", b"signature")]

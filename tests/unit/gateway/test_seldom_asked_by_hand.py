@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import os
 import struct
@@ -16,6 +17,7 @@ import pytest
 from starlette.requests import Request
 from starlette.websockets import WebSocket
 
+from gantryctl.gateway import __main__ as main_module
 from gantryctl.gateway import access as access_module
 from gantryctl.gateway import app as app_module
 from gantryctl.gateway import door as door_module
@@ -547,6 +549,35 @@ def test_a_cookie_behind_long_headers_names_the_party() -> None:
         assert [party for _, _, party in room.added] == ["session 1", "192.0.2.7"]
 
     with_door(check, lambda head: "session 1" if head.endswith(b"cookie") else "")
+
+
+# --- the process ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_the_process_ends_with_its_parent_and_comes_behind_the_scan(
+    monkeypatch: pytest.MonkeyPatch, refused: bool
+) -> None:
+    """Where the system does not let it step back it serves all the same."""
+    did: list[Any] = []
+
+    def nice(by: int) -> None:
+        did.append(f"nice {by}")
+        if refused:
+            raise OSError
+
+    memory = SimpleNamespace(words={Word.SUPERVISOR: 4711})
+    monkeypatch.setattr(main_module, "SharedMemory", lambda handle: did.append(handle) or memory)
+    monkeypatch.setattr(main_module, "die_with_parent", did.append)
+    monkeypatch.setattr(main_module.os, "nice", nice)
+    monkeypatch.setattr(main_module, "build_app", lambda settings, _: f"app at {settings.port}")
+    monkeypatch.setattr(main_module, "run_server", lambda app, settings: did.append(app))
+    said = {
+        "host": "127.0.0.1", "port": 8650, "listener": 3, "certificate": None, "key": None, "names": [],
+        "root": "r", "directory": "d",
+    }  # fmt: skip
+    assert main_module.main([json.dumps(said), "7"]) == 0
+    assert did == [7, 4711, "nice 5", "app at 8650"]
 
 
 # --- the server -----------------------------------------------------------------------------------------------------
