@@ -163,7 +163,7 @@ STEPS: Final = (
 def steps_for(rows: Iterable[LedgerRow]) -> tuple[Step, ...]:
     """The steps of a drive with this ledger."""
     has = {row.what for row in rows if row.standing is Standing.OBJECT}
-    return tuple(step for step in STEPS if not step.makes_up or step.makes_up not in has)
+    return tuple(step for step in STEPS if step.makes_up not in has)
 
 
 def complete(results: Mapping[str, StepResult], steps: Iterable[Step]) -> bool:

@@ -507,6 +507,23 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     return at
 
 
+@pytest.mark.parametrize(
+    ("how", "follows"), [({}, True), ({"following": True}, True), ({"following": False}, False)]
+)
+def test_an_axis_must_follow_unless_its_step_says_otherwise(
+    opened: SimpleNamespace, how: dict[str, bool], follows: bool
+) -> None:
+    """A drive that turns the other way: 0.2 deg/s against its command."""
+    opened.drive.way = -1.0
+    with open_loop_axis.open_loop_axis(context(), 10.0, **how) as axis:
+        axis.enable()
+        if follows:
+            with pytest.raises(AlarmStop, match=r"the axis turn(s|ed)"):
+                axis.run(2.0, speed_deg_s=0.2)
+        else:
+            axis.run(2.0, speed_deg_s=0.2)
+
+
 def test_a_drive_whose_parameters_were_refused_is_moved_by_no_step(opened: SimpleNamespace) -> None:
     opened.reasons = [SimpleNamespace(text="607F:00 is 1000, 1239 is wanted")]
     step = open_loop_axis.open_loop_axis(context(), 1.0)

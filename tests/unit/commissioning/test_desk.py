@@ -550,6 +550,51 @@ def test_behind_a_step_that_moved_control_is_taken_over_as_before_it(free_room: 
     assert free_room.ask(OTHER, "take", over=True) == ""
 
 
+def test_only_round_trips_of_who_has_control_are_measured(
+    room: Room, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert room.ask(ANNA, "take", over=False) == ""
+    taken: list[float] = []
+    round_trip = SimpleNamespace(take=lambda trip_s, now_s: taken.append(trip_s))
+    monkeypatch.setattr(room.desk.authority, "round_trip", round_trip)
+    for who, issued_s in ((VIEWER, 99.5), (ANNA, 99.75)):
+        room.desk._situation(who, issued_s, 100.0)
+    assert taken == [0.25]
+
+
+def test_an_end_stays_an_end_when_the_drive_is_set_up_behind_it(work: Commissioning) -> None:
+    """A signal comes while the drive is being set up."""
+    room = Room(work)
+    desk = Desk(MACHINE, room.memory, room.board, lambda: None, now=lambda: room.now_s)
+    assert not desk._situation(ANNA, 100.0, 100.0).shutdown
+    desk.end("the service ends")
+    desk.set_up()
+    assert desk._situation(ANNA, 100.0, 100.0).shutdown
+
+
+def test_a_page_knows_whether_a_second_person_is_wanted(work: Commissioning) -> None:
+    assert [Room(work, second_person=wanted).tags["second_person"] for wanted in (True, False)] == [
+        True,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_a_board_is_complete_when_the_commissioning_is(room: Room, complete: bool) -> None:
+    """Nothing of the ledger is open, and yet a step may be."""
+    progress = SimpleNamespace(results={}, drive="maker 1")
+    machine = SimpleNamespace(name="m")
+    made: Any = SimpleNamespace(progress=progress, ledger=(), steps=(), machine=machine, complete=complete)
+    room.board.show(made)
+    shown = json.loads(room.memory.commissioning.read() or b"")
+    assert (shown["machine"], shown["drive"], shown["complete"], shown["open"]) == (
+        "m",
+        "maker 1",
+        complete,
+        [],
+    )
+
+
 def test_a_step_ends_when_nobody_listens_any_more(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     free_room.begun("velocity")
     halt = free_room.desk.halt

@@ -12,7 +12,9 @@ import pytest
 
 from gantryctl.commissioning import steps_lacks, steps_motion
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
+from gantryctl.errors import AlarmStop
 from gantryctl.machine import with_values
+from gantryctl.runtime.recorder import MemoryRecorder
 from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context
 
 pytestmark = pytest.mark.can
@@ -188,3 +190,20 @@ def test_a_drive_that_takes_no_torque_is_not_pushed(step: Any) -> None:
     assert found.outcome is Outcome.NOT_TESTABLE
     assert "60B2" in found.proof
     assert not drive.wrote
+
+
+def test_a_move_is_made_without_the_record_that_it_is_for_and_is_watched(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    opened: list[dict[str, Any]] = []
+
+    def run(*_: object, **how: Any) -> None:
+        opened.append(how)
+        raise AlarmStop("enough")
+
+    monkeypatch.setattr(steps_motion, "AxisRun", run)
+    c = context()
+    monkeypatch.setattr(c.watch, "observer", lambda: "who watches")
+    with pytest.raises(AlarmStop, match="enough"):
+        steps_motion.loop(c)
+    assert opened == [{"recorder": MemoryRecorder, "commissioning": True, "observer": "who watches"}]

@@ -337,6 +337,26 @@ def test_a_step_gets_the_drive_as_it_was_found_and_leaves_its_pictures(
     assert result.pictures == (picture,)
 
 
+def test_what_is_known_and_what_is_lacking_is_told_before_any_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lacks = (SimpleNamespace(text="no watch"), SimpleNamespace(text="no limit"))
+    stand_ins = {
+        "can_link": lambda _: SimpleNamespace(close=lambda: None), "ledger_reasons": lambda *_: lacks,
+        "ReadOnlyDrive": lambda *_: SimpleNamespace(rows=()), "known_of_model": lambda *_: ("it answers late",),
+        "read_ledger": lambda *_, **__: (SimpleNamespace(text="stop: 6085", what="", standing=None),),
+    }  # fmt: skip
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(commissioning_run, name, stand_in)
+    said: list[str] = []
+    with StateStore(MACHINE, tmp_path) as store:
+        work = Commissioning(MACHINE, store, tmp_path, said.append, lambda asked: True)
+        monkeypatch.setattr(work, "_set_up", lambda: (SimpleNamespace(key="key", software="1.0"), ()))
+        with pytest.raises(CommandRefused, match=r"^no watch · no limit$"):
+            work.start(again=False)
+    assert said == ["  it answers late", "  stop: 6085"]
+
+
 def test_who_agreed_to_little_is_asked_before_more(made: Callable[..., Commissioning]) -> None:
     work = made(lambda each: each.key != "far")
     near, far = step("near", reach=Reach.STANDSTILL), step("far", reach=Reach.TRAVEL)

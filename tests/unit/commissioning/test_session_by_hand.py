@@ -93,6 +93,7 @@ def test_without_a_drive_no_step_is_offered(fault: DeviceError | None) -> None:
     made._set_up()
     assert (seen.refused, seen.notes) == (["no answer"], []) if fault else ([], [""])
     assert desk.did == ["set_up"]
+    assert desk.told == ([("service", "commissioning: no answer")] if fault else [])
 
 
 @pytest.mark.parametrize("broken", [False, True])
@@ -128,6 +129,8 @@ def test_the_controller_is_told_whether_the_commissioning_has_ended_as_it_should
     assert desk.told[0] == ("service", "commissioning began: m")
     # Alarms of the controller are of a program that is gone.
     assert published == [(None, {"alarms": [], "alarm_history": []})]
+    ended = ("service", "commissioning ended: torque off, brake closed")
+    assert (desk.told[-1] == ended) is not broken
 
 
 @pytest.mark.parametrize("complete", [False, True])
@@ -162,14 +165,15 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
     ran: list[object] = []
     handlers: dict[int, Any] = {}
     ended: list[str] = []
-    memory = SimpleNamespace(words={Word.SUPERVISOR: 1}, frames=None)
+    logs: list[object] = []
+    memory = SimpleNamespace(words={Word.SUPERVISOR: 1}, frames="the frames")
     stand_ins = {
         "SharedMemory": lambda _: memory, "die_with_parent": lambda _: None, "need": lambda _: None,
         "load_machine": lambda path: path, "config_hash": lambda _: hashed, "signal": SimpleNamespace(
             SIGTERM=1, SIGINT=2, SIGHUP=3, signal=handlers.__setitem__
         ),
-        "StateStore": lambda *_: nullcontext("store"), "logged_links": lambda _: nullcontext(),
-        "RingFrames": lambda _: None,
+        "StateStore": lambda *_: nullcontext("store"), "logged_links": lambda log: nullcontext(logs.append(log)),
+        "RingFrames": lambda frames: ("log of", frames),
         "Session": lambda *_, second_person: SimpleNamespace(
             run=lambda: ran.append(second_person) or 0, desk=SimpleNamespace(end=ended.append)
         ),
@@ -185,6 +189,7 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
         assert process.main(arguments) == 0
         process.main(arguments[:-1])
         assert ran == [True, False]
+        assert logs == [("log of", "the frames")] * 2
         # Whatever ends the process ends the step first.
         assert sorted(handlers) == [1, 2, 3]
         for number, handler in handlers.items():
@@ -228,6 +233,7 @@ class Chord:
         self, monkeypatch: pytest.MonkeyPatch, folder: Path, *, complete: bool, fault: AlarmStop | None
     ) -> None:
         self.did: list[object] = []
+        self.opened: list[dict[str, object]] = []
         self.path = folder / "commissioning_chord_test.json"
         session = SimpleNamespace(complete=complete, text="3 of 8 readings", instruments=("laser",))
         run = SimpleNamespace(
@@ -249,7 +255,8 @@ class Chord:
             "session_path": lambda _: folder / "session.json", "order_of": lambda _: SimpleNamespace(made=lambda: None),
             "check_travel": lambda *_: None, "session_to_go_on_with": lambda *_: session,
             "replace": both_named,
-            "AxisRun": lambda *_, **__: run, "AttendedTest": lambda *_: SimpleNamespace(go_on=go_on),
+            "AxisRun": lambda *_, **how: (self.opened.append(how), run)[1],
+            "AttendedTest": lambda *_: SimpleNamespace(go_on=go_on),
             "store_session": lambda *_: self.did.append("stored"),
             "_judged": lambda *_: StepResult("accuracy", Outcome.PASSED, ""),
         }  # fmt: skip
@@ -258,7 +265,7 @@ class Chord:
         halt = SimpleNamespace(stops=lambda run: nullcontext(self.did.append("may be stopped")))
         self.context: Any = SimpleNamespace(
             instrument=lambda run: SimpleNamespace(name="tracker"), store=None, machine=None, results={}, folder=folder,
-            say=print, watch=SimpleNamespace(observer=lambda: None, halt=halt),
+            say=print, watch=SimpleNamespace(observer=lambda: "who watches", halt=halt),
         )  # fmt: skip
 
 
@@ -277,6 +284,8 @@ def test_a_chord_test_goes_on_until_it_has_a_result_and_another_begins_anew(
     assert found.outcome is (Outcome.PASSED if complete else Outcome.FAILED)
     ended = ["stored"] if complete else []
     assert chord.did == ["may be stopped", ("read", not before), "down", ("commissioning", None), *ended]
+    # Without the record that it is for, and seen by the person.
+    assert chord.opened == [{"commissioning": True, "observer": "who watches"}]
 
 
 def test_a_chord_test_that_an_alarm_ends_leaves_the_axis_as_it_is(

@@ -286,6 +286,14 @@ def test_only_a_brake_that_the_controller_keeps_closed_is_tested(
             assert (found.outcome, found.proof) == (Outcome.NOT_TESTABLE, str(untestable(machine)))
 
 
+def test_a_brake_is_not_tested_by_a_drive_that_takes_no_torque(step: Any) -> None:
+    drive = HandDrive()
+    drive.torque_preload = False
+    found = step(steps_power, "brake", drive)
+    assert (found.outcome, found.proof) == (Outcome.NOT_TESTABLE, str(untestable(MACHINE, False)))
+    assert drive.wrote == []
+
+
 @pytest.mark.parametrize("missing", [(), (0x6080,), (0x6072, 0x6080)])
 def test_a_drive_without_limits_is_told_with_what_stops_it(step: Any, missing: tuple[int, ...]) -> None:
     drive = sign_drive()
