@@ -39,9 +39,13 @@ from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.monitors.torque_model import TorqueModel
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome, BrakeTestPhase
+from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.ramp_watch import RampWatch
+from gantryctl.program.power.rest import RestWatch
 from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.power.torque_proof import TorqueProof
+from gantryctl.program.power.twist import Twist
+from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts
@@ -992,6 +996,139 @@ def test_a_proof_that_is_not_given_is_told_with_its_time(way):
     assert not proof.given(501)
     told = parts.alarms.active[Code.BRK_07].values
     assert told == approx({"measured": 23.0, "limit": 24.0, "time_ms": 501.0})
+
+
+def test_before_the_first_power_up_no_torque_is_asked_for_and_no_brake_has_worked():
+    parts = Parts()
+    assert parts.holding.preload_nm == parts.holding.proof_nm == 0.0
+    wear = BrakeWear(parts.settings, parts.feedback, parts.alarms)
+    assert (wear.stops, wear.energy_j) == (0, 0.0)
+
+
+@pytest.mark.parametrize(("learn_time_s", "share"), [(0.5, 0.002), (2.0, 0.0005), (0.0005, 1.0)])
+def test_the_holding_torque_is_learned_with_its_time_and_never_beyond_what_is_read(learn_time_s, share):
+    """1 ms; of a time that is shorter than a scan the whole torque."""
+    parts = Parts(learn_time_s=learn_time_s)
+    parts.holding.learn(10.0)
+    assert parts.holding.mean_nm == approx(10.0 * share)
+
+
+def test_rest_and_a_ramp_that_is_left_are_judged_after_50_scans_of_a_millisecond():
+    parts = Parts()
+    rest, ramp = RestWatch(parts.settings, parts.feedback), RampWatch(parts.settings, parts.feedback)
+    for _ in range(2):  # also of a second phase
+        rest.begin()
+        parts.turn(1.0)
+        assert not rest.scan()
+        parts.turn(0.0)
+        assert [rest.scan() for _ in range(51)].index(True) == 49
+        ramp.begin()
+        parts.turn(0.6)
+        assert [ramp.obeyed(0.1) for _ in range(51)].index(False) == 49
+
+
+def test_one_count_is_a_turn():
+    parts = Parts(monitors={"encoder_shows_twist": True})
+    twist = Twist(parts.settings, parts.feedback)
+    twist.begin(30.0)
+    parts.feedback.counts += 1.0
+    twist.scan()
+    assert twist.shown(30.0)
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    proof.begin()
+    proof._turned = 1.0
+    assert proof.settled(100)
+    assert parts.codes == []
+
+
+def test_a_swing_that_was_seen_for_one_scan_alone_is_taken_off_as_well():
+    """Two counts a scan; the torque comes in the second and turns the shaft by 5 more."""
+    parts = Parts()
+    parts.holding.preload()
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    parts.feedback.counts = 1000.0
+    proof.begin()
+    parts.feedback.counts = 1002.0
+    assert not proof.given(1)
+    parts.feedback.counts, parts.feedback.torque_nm = 1009.0, 30.0
+    assert proof.given(2)
+    assert proof._turned == approx(5.0)
+
+
+@BOTH
+@pytest.mark.parametrize(("share", "turned"), [(0.0999, 3.0), (0.1001, 9.0)])
+def test_less_than_a_tenth_of_the_proof_has_turned_nothing_yet(share, turned, way):
+    """Of 24 N m: 4 counts until the second scan are a swing of 2 a scan, which leaves 3 of the 5 of the third."""
+    parts = Parts()
+    parts.holding.mean_nm = way * 12.0
+    parts.holding.preload()
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    parts.feedback.counts = 1000.0
+    proof.begin()
+    parts.feedback.torque_nm = 0.0
+    assert not proof.given(1)
+    parts.feedback.counts, parts.feedback.torque_nm = 1000.0 + way * 4.0, way * share * 24.0
+    assert not proof.given(2)
+    parts.feedback.counts, parts.feedback.torque_nm = 1000.0 + way * 9.0, way * 30.0
+    assert proof.given(3)
+    assert proof._turned == approx(turned)
+
+
+@BOTH
+def test_torque_beyond_the_proof_that_turns_the_shaft_the_other_way_is_told_with_speed_and_torque(way):
+    parts = Parts()
+    parts.holding.preload()
+    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
+    proof.begin()
+    parts.feedback.torque_nm = way * 100.0
+    parts.turn(-way * 1.0)
+    assert not proof.given(1)
+    measured = parts.alarms.active[Code.ENC_12].values["measured"]
+    assert measured.values == approx({"speed": 1.0, "torque": way * 100.0})
+
+
+@BOTH
+def test_a_gear_that_has_unwound_by_all_that_it_may_counts_from_there(way):
+    """0.02 deg of a slip and 0.03 of the gear to the bit, for longer than 0.3 s; back at 0 it has slipped by 0.05."""
+    parts = Parts()
+    watch = SlipWatch(parts.settings, parts.feedback, parts.alarms)
+    watch.begin(0.0, unwinds=True)
+    limit = rad(0.02) + rad(0.03)
+    assert not watch.slipped_without_torque(way * limit, 0.301, Code.BRK_04)
+    assert watch.slipped_without_torque(0.0, 0.302, Code.BRK_04)
+
+
+def test_a_drive_has_held_from_its_first_scan_with_torque_on():
+    parts = Parts()
+    watch = HoldWatch(parts.settings, parts.feedback, parts.alarms)
+    assert not watch.has_held
+    watch.scan(0.0)
+    assert watch.has_held
+
+
+def in_hold(torque_nm, speeds_deg_s):
+    """Scans of HOLD with these speeds; in which the torque was taken off, and whether the reading is in doubt."""
+    parts = Parts()
+    watch = HoldWatch(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.torque_nm = torque_nm
+    for scan, deg_s in enumerate(speeds_deg_s, 1):
+        parts.turn(deg_s)
+        watch.scan(0.0)
+        if Code.BRK_13 in parts.alarms.active:
+            return scan, parts.feedback.in_doubt
+    return None, parts.feedback.in_doubt
+
+
+@BOTH
+def test_a_drive_drives_the_load_for_50_scans_in_a_row(way):
+    """5 N m along with 0.2 deg/s; a scan at rest, or a slower one, ends it, and 80 N m along are no wrong reading."""
+    fast, slow = way * 0.2, way * 0.19
+    assert in_hold(way * 5.0, [fast] * 60) == (50, False)
+    assert in_hold(way * 80.0, [fast] * 60) == (50, False)
+    assert in_hold(way * 5.0, [fast] * 40 + [0.0] + [fast] * 60) == (91, False)
+    assert in_hold(way * 5.0, [fast] * 40 + [slow] + [fast] * 60) == (91, False)
+    assert in_hold(way * 5.0, [fast] + [slow] * 60) == (52, False)
+    assert in_hold(-way * 80.0, [fast] * 60) == (50, True)
 
 
 def test_the_phases_of_a_brake_test_have_their_numbers():
