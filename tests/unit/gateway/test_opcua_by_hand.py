@@ -16,7 +16,7 @@ import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import ua  # noqa: E402
-from asyncua.common.utils import ServiceError  # noqa: E402
+from asyncua.common.utils import NotEnoughData, ServiceError  # noqa: E402
 from asyncua.crypto.permission_rules import UserRole  # noqa: E402
 from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E402
 
@@ -34,6 +34,7 @@ from gantryctl.gateway.opcua.reading import Bounded  # noqa: E402
 from gantryctl.gateway.opcua.server import _SAID, POLICIES  # noqa: E402
 from gantryctl.gateway.opcua.space import AddressSpace, _status, _value  # noqa: E402
 from gantryctl.gateway.opcua.units import information, normal_range  # noqa: E402
+from gantryctl.program import AxisState  # noqa: E402
 from gantryctl.service.protocol.roles import Role  # noqa: E402
 from gantryctl.service.protocol.tags import BY_NAME, TAGS  # noqa: E402
 from gantryctl.service.supervisor.users import User  # noqa: E402
@@ -560,6 +561,31 @@ def test_the_error_is_the_alarm_that_stopped_the_axis_with_its_code_and_its_text
     assert [value for value, _ in nodes["Text"].written] == ["the cause", ""]
 
 
+def test_one_state_of_the_axis_is_true_and_all_others_are_not() -> None:
+    made, nodes = space()
+    for state in ("standstill", "error_stop"):
+        asyncio.run(made.show({"axis_state": state}, 0.0))
+    names = [space_module._words(each.name) for each in AxisState]
+    assert {name: [value for value, _ in nodes[name].written] for name in names} == {
+        name: {"Standstill": [True, False], "ErrorStop": [False, True]}.get(name, [False]) for name in names
+    }
+    assert {"Standstill", "ErrorStop", "Disabled"} <= set(names)
+
+
+def test_without_limits_of_the_machine_a_range_is_that_of_its_unit() -> None:
+    limits = {tag.name: None for tag in TAGS}
+    ranges = {
+        unit: normal_range(next(t for t in TAGS if t.kind == "float" and t.unit == unit), limits)
+        for unit in ("deg", "deg/s", "deg/s2", "N m", "s", "ms", "us", "%", "")
+    }
+    assert {unit: (each.Low, each.High) for unit, each in ranges.items()} == {
+        "deg": (-360.0, 360.0), "deg/s": (-10.0, 10.0), "deg/s2": (-10.0, 10.0), "N m": (-1000.0, 1000.0),
+        "s": (0.0, 3600.0), "ms": (0.0, 1000.0), "us": (0.0, 1e5), "%": (0.0, 100.0), "": (0.0, 1.0),
+    }  # fmt: skip
+    eccentric = normal_range(BY_NAME["eccentric_moment_nm"], limits)
+    assert (eccentric.Low, eccentric.High) == (-1e5, 1e5)
+
+
 def test_a_value_has_the_time_in_which_it_was_measured() -> None:
     made, _ = space()
     times: list[Any] = []
@@ -873,6 +899,16 @@ def test_a_client_is_known_by_its_certificate(monkeypatch: pytest.MonkeyPatch) -
     assert asked == [("anna", "right", b"abc", "ba7816bf8f01cfea", "192.0.2.7")]
 
 
+def test_nothing_is_read_from_a_connection_that_ends_already(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.data_received(chunk(b"one"))
+        wire.closing = True
+        await turns()
+        assert (taken, wire.did[1:]) == ([b"one"], [])
+
+    on_a_wire(monkeypatch, check)
+
+
 def test_nothing_is_written_to_a_connection_that_ends_already(monkeypatch: pytest.MonkeyPatch) -> None:
     async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
         wire.closing = True
@@ -1174,6 +1210,18 @@ def test_a_channel_is_opened_signed_and_encrypted_and_renewed_by_its_client(
     opens()
     # A minute at the least, and a quarter more.
     assert (channel._open, channel.certificate, channel._until_s, sent) == (True, certificate, 175.0, [4711])
+
+
+@pytest.mark.parametrize(("size", "left"), [(-1, b"cdef"), (0, b""), (2, b"cd"), (4, b"cdef"), (9, b"cdef")])
+def test_a_copy_is_of_what_is_left_and_no_longer_than_asked_for(size: int, left: bytes) -> None:
+    """And it leaves the message as it was."""
+    message = Bounded(b"abcdef")
+    assert message.read(2) == b"ab"
+    copied = message.copy(size)
+    assert copied.read(len(left)) == left
+    with pytest.raises(NotEnoughData):
+        copied.read(1)
+    assert message.read(4) == b"cdef"
 
 
 # --- subscriptions ----------------------------------------------------------------------------------------------

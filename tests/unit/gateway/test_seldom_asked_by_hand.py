@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from starlette.requests import Request
+from starlette.responses import Response
 from starlette.websockets import WebSocket
 
 from gantryctl.gateway import __main__ as main_module
@@ -266,6 +267,65 @@ def test_what_may_be_kept_is_said_by_the_answer_itself(access: Access, own: byte
     assert [value for name, value in sent[0]["headers"] if name == b"cache-control"] == [told.encode()]
 
 
+def test_each_route_is_described_with_the_answers_that_it_has() -> None:
+    """Beside those of all routes: 403 foreign host, 413 too long, 429 too many requests."""
+    found = {
+        each["operationId"]: " ".join(sorted(set(each["responses"]) - {"403", "413", "429"}))
+        for methods in openapi()["paths"].values()
+        for each in methods.values()
+    }
+    assert found == {
+        "login": "200 400 401 503", "logout": "204 400 401", "session": "200 401", "console": "303",
+        "tags": "200 401", "status": "200 401", "samples": "200 400 401", "alarms": "200 401",
+        "commissioning": "200 401 404", "traces": "200 401", "trace": "200 401 404",
+        "columns": "200 400 401 404 422", "journal": "200 400 401 503", "notes": "200 401 503",
+        "people": "200 401", "health": "200", "openapi": "200",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("length", "status"),
+    [
+        (b"65536", None),
+        (b"65537", 413),
+        (b"-1", 413),
+        (b"1e3", 413),
+        (b"0000000001", 413),
+        (b"9" * 5000, 413),
+    ],
+)
+def test_a_length_is_a_number_of_nine_digits_within_64_kib(
+    access: Access, length: bytes, status: int | None
+) -> None:
+    answer = guard(access)._refuse(scope("POST", headers=[(b"host", HERE), (b"content-length", length)]))
+    assert (None if answer is None else answer.status_code) == status
+
+
+def test_an_application_has_the_page_of_the_installation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it is given no other one."""
+
+    class Installed:
+        def answer(self, _: Request) -> Response:
+            return Response("the page")
+
+    monkeypatch.setattr(app_module, "Page", Installed)
+    memory, sent = SharedMemory.create(), list[Any]()
+    app = app_module.build_app(Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path), memory)
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": b""}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asked = scope(headers=[(b"host", HERE)]) | {"root_path": "", "raw_path": b"/", "http_version": "1.1"}
+    asyncio.run(app(asked, receive, send))
+    assert (sent[0]["status"], sent[1]["body"]) == (200, b"the page")
+    memory.close()
+
+
 # --- addresses ------------------------------------------------------------------------------------------------------
 
 
@@ -483,6 +543,19 @@ def test_a_second_pause_of_an_answer_has_its_whole_time_and_its_end(monkeypatch:
         assert wire.ended == ""
         made.pause_writing()
         await asyncio.sleep(0.05)
+        assert wire.ended == "aborted"
+
+    connected(check, [])
+
+
+def test_the_time_of_the_first_request_begins_with_its_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever says nothing for four seconds has one left."""
+    monkeypatch.setattr(server, "HEADER_S", 0.04)
+
+    async def check(made: PatientProtocol, wire: Wire, place: Place) -> None:
+        await asyncio.sleep(0.03)
+        made.data_received(GET[:5])
+        await asyncio.sleep(0.02)
         assert wire.ended == "aborted"
 
     connected(check, [])
