@@ -86,6 +86,13 @@ def test_the_numbers_of_the_watch_are_those_of_the_calibration() -> None:
     assert watched(friction_nm=-10.0).flank_nm == 0.0
 
 
+@pytest.mark.parametrize(
+    "name", ["moment_sine_nm", "moment_cosine_nm", "friction_load_ratio", "friction_nm_s_per_rad"]
+)
+def test_a_number_that_is_known_to_be_0_is_watched_as_0(name: str) -> None:
+    assert getattr(watched(**{name: 0.0}), name) == 0.0
+
+
 def test_bounds_are_twice_what_the_intervals_may_be_wrong_by() -> None:
     """The moment of 20 kN m: hypot(30, 40) = 50 N m, and 0.001 of it that friction takes, 20 N m. Friction: 100 N m,
     500 x 0.10472 at 6 deg/s, and 20 N m times 2/pi over a turn. The ring: 1 % of 20 kN m and 70 N m over 4e8.
@@ -255,7 +262,8 @@ def test_an_observer_of_the_backlash_is_refused_without_the_windup() -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "value"), [("friction_load_nm", -291.0), ("friction_nm", 0.0), ("inertia_kg_m2", 1.0)]
+    ("number", "value"),
+    [("friction_load_nm", -291.0), ("friction_load_nm", 0.0), ("friction_nm", 0.0), ("inertia_kg_m2", 1.0)],
 )
 def test_an_observer_of_the_backlash_is_refused_without_friction_and_a_load(
     number: str, value: float

@@ -13,6 +13,7 @@ from gantryctl.drives.canopen.bus.link import ECHOING
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.object_table import read_objects_of
 from gantryctl.drives.profiles.dictionary import profile_of_table
+from gantryctl.errors import ConfigError
 from gantryctl.image import DriveIdentity
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.runtime.recorder import MemoryRecorder
@@ -78,6 +79,22 @@ def test_a_program_without_a_plant_needs_no_calibration() -> None:
     identity = DriveIdentity("drive", "IDEAL", 4_194_304, 4096)
     drive: Any = SimpleNamespace(identity=lambda: identity, torque_preload=True)
     assert engine.build_program(machine, drive, zero_counts=7.0).axis.zero_counts == 7.0
+
+
+@pytest.mark.parametrize(
+    ("observes", "tells", "fits"), [(True, True, True), (True, False, False), (False, False, True)]
+)
+def test_only_an_observer_of_the_moment_needs_the_torque_of_the_motor(
+    observes: bool, tells: bool, fits: bool
+) -> None:
+    machine = with_values(improved_machine(), {"control.compensation.moment_observer.active": observes})
+    identity = DriveIdentity("drive", "SIM-0001", 4_194_304, 4096)
+    drive: Any = SimpleNamespace(identity=lambda: identity, torque_preload=True, reports_torque=tells)
+    if fits:
+        assert engine.build_program(machine, drive, zero_counts=7.0).axis.zero_counts == 7.0
+    else:
+        with pytest.raises(ConfigError, match="lives on the torque of the motor"):
+            engine.build_program(machine, drive, zero_counts=7.0)
 
 
 def test_a_virtual_drive_goes_on_from_its_state_at_the_angle_that_is_asked_for(
@@ -161,6 +178,15 @@ def test_a_drive_of_the_field_takes_the_modes_that_are_simulated_and_keeps_its_q
     assert made.modes == (0, 3, 9)
     assert made.rated_torque_per_nm == 100.0
     assert made.defaults == ((0x6007, 0, 0), (0x605E, 0, 0), (0x1018, 1, profile.match.vendor))
+
+
+def test_a_drive_of_the_field_without_a_profile_has_its_objects_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = read_objects_of(virtual.shipped_objects(), "maxon EPOS4 0x1018")
+    monkeypatch.setattr(virtual, "profile_of_table", lambda _: None)
+    made = as_in_table(drive_kind(MACHINE), table, MACHINE)
+    assert (made.name, made.table, made.defaults) == (table.drive, table, ())
 
 
 @pytest.mark.parametrize("named", ["my drive.EDS", "my drive.dcf", "Objects.CSV"])
