@@ -61,7 +61,7 @@ def test_the_file_is_for_its_owner_only_and_holds_no_password(tmp_path: Path) ->
 
 @pytest.mark.parametrize("name", ["", "Anna", "a b", "../x", "a" * 33, "1a", "a\n", "ä"])
 @pytest.mark.parametrize("person", ["", "anna"])
-def test_a_name_is_plain_whoever_has_it(tmp_path: Path, name: str, person: str) -> None:
+def test_a_name_is_plain(tmp_path: Path, name: str, person: str) -> None:
     with pytest.raises(UsageError, match=r"user name .*a small letter"):
         Users(tmp_path).add(name, Role.VIEWER, PASSWORD, person)
 
