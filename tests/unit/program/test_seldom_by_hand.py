@@ -25,6 +25,7 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command_checks import check_direction, check_target, inside_turn, way_to
 from gantryctl.program.axis.motion_command import CommandStatus
+from gantryctl.program.axis.reference import Reference
 from gantryctl.program.axis.turns import Turns
 from gantryctl.program.blocks import MoveAbsolute, Power
 from gantryctl.program.feedback import ENABLED, Feedback
@@ -35,6 +36,7 @@ from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.oscillation import Oscillation
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.running_fit import RunningFit
+from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.monitors.torque_model import TorqueModel
@@ -380,6 +382,24 @@ def test_at_rest_a_turn_is_taken_back_beyond_one_and_a_half():
     for way in (1.0, -1.0):
         assert turns.due(way * 1.5 * math.pi, resting=True, cruising=False) == 0
         assert turns.due(way * math.nextafter(1.5 * math.pi, 9.0), resting=True, cruising=False) == way
+
+
+def test_a_motion_without_an_end_is_taken_back_every_thousand_turns():
+    turns = Turns(Fraction(100), 0.0)
+    for way in (1.0, -1.0):
+        assert turns.due(way * 999.9 * math.tau, resting=False, cruising=True) == 0
+        assert turns.due(way * 1000.4 * math.tau, resting=False, cruising=True) == way * 1000
+        assert turns.due(way * 5000.0 * math.tau, resting=False, cruising=False) == 0, "on a ramp"
+
+
+def test_a_wrap_near_the_travel_is_told_in_degrees():
+    """The encoder stands 0.1 deg of the gantry behind its own zero: called -180 deg, the end of travel is as near."""
+    parts = Parts()
+    turns = 0.1 / 360.0 * RATIO
+    parts.feedback.counts = turns * 2048 * 2048
+    refused = Reference(parts.settings, parts.feedback, None).check(rad(-180.0), standing=True)
+    assert refused is not None
+    assert refused.values["reason"].values == approx({"margin": 0.1, "limit": 5.0})
 
 
 def test_half_a_turn_less_the_window_is_the_shortest_way_back():
@@ -764,6 +784,40 @@ def test_a_swing_there_and_back_is_a_shock_and_four_sides_of_a_second_are_an_osc
 def test_swings_before_a_pause_of_half_a_second_count_no_more(way):
     before = ((way, 0.2), (-way, 0.2), (way, 0.2), (-way, 0.2))
     assert swung(*before, (0.0, 0.6), (way, 1.1), (-way, 0.1)) == []
+
+
+@pytest.mark.parametrize("first", ["plus", "minus"])
+def test_the_second_limit_switch_that_opens_is_a_broken_wire_whichever_it_is(first):
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    for open_ones in ([], [first], ["plus", "minus"]):
+        said = {f"limit_{side}_ok": side not in open_ones for side in ("plus", "minus")}
+        parts.feedback.inputs = DigitalInputs(**said)
+        interlocks.scan(0.0, powered=True)
+    assert parts.codes == ["LIM-03", "LIM-04"]
+
+
+@pytest.mark.parametrize(("last_s", "codes"), [(60.0, ["INT-07", "INT-02"]), (60.001, ["INT-07"])])
+def test_a_door_that_opens_six_times_within_a_minute_is_a_loose_wire(last_s, codes):
+    parts = Parts()
+    site = SiteInterlocks(parts.settings, parts.feedback, parts.alarms)
+    for time_s in (0.0, 12.0, 24.0, 36.0, 48.0, last_s):
+        parts.alarms.time_s = time_s
+        for door_ok in (False, True):
+            parts.feedback.inputs = DigitalInputs(door_ok=door_ok)
+            site.scan(0.0, powered=True, moving=False)
+    assert parts.codes == codes
+
+
+def test_two_channels_of_the_chain_may_differ_for_half_a_second():
+    parts = Parts()
+    site = SiteInterlocks(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.inputs = DigitalInputs(estop_ok=True, estop_ok_2=False)
+    for _ in range(499):
+        site.scan(0.0, powered=True, moving=False)
+    assert parts.codes == []
+    site.scan(0.0, powered=True, moving=False)
+    assert parts.alarms.active[Code.INT_04].values == approx({"time_ms": 500.0, "limit": 500.0})
 
 
 def test_a_second_fault_of_the_drive_is_told_with_its_code_where_nobody_has_reset_the_first():
