@@ -97,6 +97,40 @@ def test_a_session_that_was_idle_for_a_quarter_of_an_hour_has_ended() -> None:
     assert not made.lives(session)
 
 
+def test_a_session_ends_with_its_eighth_hour() -> None:
+    made, clock, _ = sessions(ANNA)
+    session = made.open(ANNA, "here")
+    clock.s += 28_799.5
+    made.use(session)
+    assert made.lives(session)
+    clock.s += 0.5
+    made.use(session)
+    assert not made.lives(session)
+
+
+def test_sessions_that_have_ended_take_no_room() -> None:
+    """Fifteen, each of another peer; the one that lives has its place beside the next one."""
+    made, clock, _ = sessions(ANNA)
+    for n in range(SESSIONS_OF_USER - 1):
+        made.open(ANNA, f"192.0.2.{n}")
+    clock.s += 900.0
+    own = made.open(ANNA, "here")
+    made.open(ANNA, "here")
+    assert made.lives(own)
+
+
+def test_the_peer_that_has_most_sessions_makes_room_and_the_newcomer_counts_once() -> None:
+    """Seven older ones of the newcomer are eight with the new one: fewer than the nine of the other peer."""
+    made, clock, _ = sessions(ANNA)
+    opened = []
+    for peer in (*["here"] * 7, *["there"] * 9):
+        clock.s += 1.0
+        opened.append((peer, made.open(ANNA, peer)))
+    made.open(ANNA, "here")
+    ended = [(peer, n) for n, (peer, each) in enumerate(opened) if not made.lives(each)]
+    assert ended == [("there", 7)]
+
+
 def test_sixteen_sessions_of_one_user_end_none_of_another() -> None:
     made, clock, _ = sessions(ANNA, BEN)
     own = []
@@ -194,6 +228,34 @@ def test_a_page_that_was_unused_for_a_minute_makes_room_for_the_seventeenth(
     assert asked == [("anna", 16, 60.0)]
 
 
+@pytest.mark.parametrize("extended", [True, False])
+def test_a_websocket_at_another_host_is_denied_before_it_opens(access: Access, extended: bool) -> None:
+    """With a status where the server can, else by closing it."""
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asked = scope(headers=[(b"host", b"evil.example")]) | {
+        "type": "websocket", "extensions": {"websocket.http.response": {}} if extended else {}
+    }  # fmt: skip
+    asyncio.run(guard(access)(asked, None, send))  # type: ignore[arg-type]
+    if extended:
+        assert (sent[0]["type"], sent[0]["status"]) == ("websocket.http.response.start", 403)
+    else:
+        assert sent == [{"type": "websocket.close", "code": 1008}]
+
+
+def test_who_logs_out_is_out_and_his_cookie_with_him(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+    session = access.sessions.open(ANNA, "here")
+    monkeypatch.setattr(access, "session", lambda _: session)
+    monkeypatch.setattr(access.hub.events, "put", lambda kind, text, who: told.append((kind, text, who.user)))
+    answer = access.log_out(Request(scope("POST")))
+    assert (session.token in access.sessions._sessions, told) == (False, [("login", "logged out", "anna")])
+    assert (answer.status_code, "max-age=0" in answer.headers["set-cookie"].lower()) == (204, True)
+
+
 def test_an_error_has_the_letters_of_its_words() -> None:
     """Not their numbers: people read it in a terminal."""
     said = bytes(error(422, refusal(Code.SEC_05, reason=Words.NO_RECORDING(name="门"))).body)
@@ -245,7 +307,22 @@ def test_who_opens_the_console_stands_in_the_journal(access: Access, monkeypatch
     assert told == [("login", "the page is open at the console, by user 1000 of the system")]
     # A browser must ask the next time, too; and without this path it takes no cookie with the prefix __Host-.
     assert (answer.status_code, answer.headers["location"]) == (303, "/")
-    assert "path=/;" in answer.headers["set-cookie"].lower()
+    said = answer.headers["set-cookie"].lower().split("; ")
+    assert {"path=/", "secure", "httponly", "samesite=strict"} <= set(said)
+
+
+def test_a_link_that_is_dead_opens_no_console(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    for uid, alive, status in ((1000, True, 303), (1000, False, 403), (None, True, 403)):
+        monkeypatch.setattr(access_module, "local_user", lambda _, uid=uid: uid)
+        monkeypatch.setattr(access.links, "take", lambda token, uid, alive=alive: alive)
+        assert access.open_console(Request(scope()), "0" * 16).status_code == status
+
+
+def test_strangers_on_this_machine_have_a_rate_too_for_what_is_no_file(access: Access) -> None:
+    door, asked_for = guard(access), scope(path=f"{API}/status") | {"client": ("127.0.0.1", 1)}
+    waits = [door._wait_s(asked_for) for _ in range(50)]
+    assert waits[:40] == [0.0] * 40
+    assert max(waits) > 0.0
 
 
 def test_a_file_of_the_page_may_be_called_what_it_likes(access: Access) -> None:
@@ -290,6 +367,7 @@ def test_each_route_is_described_with_the_answers_that_it_has() -> None:
         (b"65537", 413),
         (b"-1", 413),
         (b"1e3", 413),
+        (b"000000001", None),
         (b"0000000001", 413),
         (b"9" * 5000, 413),
     ],
