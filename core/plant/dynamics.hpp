@@ -101,6 +101,7 @@ struct TrainForces {
   T torque_mesh = T(0.0);      // Tg, at the gantry
   T on_ring = T(0.0);          // Tg (1 - e_r')
   T hysteresis_rate = T(0.0);  // Th'
+  T hysteresis_level = T(0.0);  // most that |Th| slides with
   Friction<T> motor, brake;
 };
 
@@ -119,6 +120,7 @@ template <class T>
 struct Mesh {
   T torque;
   T hysteresis_rate = T(0.0);
+  T hysteresis_level = T(0.0);
 };
 
 // Spring, damper, hysteresis and gap between motor and ring (S3); twist = D, twist_rate = D', half_gap = b/2.
@@ -134,6 +136,7 @@ GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T half_gap, T twist, T 
     const T h = p.hysteresis_torque_nm + p.hysteresis_load_ratio * spring;
     const T gate = plant.gate(twist_rate, hysteresis, T(1.0) / h);
     m.hysteresis_rate = plant.hysteresis_inverse * (h * twist_rate - gate * vabs(twist_rate) * hysteresis);
+    m.hysteresis_level = h;
   }
   if (p.backlash) {
     constexpr double kGapDecay = 0.01;  // s
@@ -262,6 +265,7 @@ GANTRY_INLINE TrainForces<T> train_forces(const Plant<T>& plant, const GearError
                                    x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
   f.torque_mesh = mesh.torque;
   f.hysteresis_rate = mesh.hysteresis_rate;
+  f.hysteresis_level = mesh.hysteresis_level;
   const T motor_torque = motor_side_torque(plant, x, thermal, brake_closed, brake_z, mesh.torque, motor, f);
   f.acc_motor = (motor_torque - mesh.torque * slope_motor) * plant.motor_inverse;
   f.on_ring = mesh.torque * slope_ring;

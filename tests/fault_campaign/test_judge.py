@@ -18,6 +18,7 @@ from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.load_side import Command, LoadSide
 from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
@@ -138,6 +139,33 @@ def test_a_bug_is_found_behind_each_excuse(
     assert play(scene).ok
     plant(monkeypatch)
     assert invariant in {each.invariant for each in play(scene).violations}
+
+
+def _lost_telegrams_end_a_hold(patch: pytest.MonkeyPatch) -> None:
+    true = sequence.PowerSequence._torque_hold
+
+    def hold(self: PowerSequence, pos_rad: float) -> None:
+        if self._feedback.state_old:
+            self._alarms.raise_(Code.DRV_04, measured=Words.OPEN)
+        true(self, pos_rad)
+
+    patch.setitem(sequence._STEPS, PowerPhase.TORQUE_HOLD, hold)
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["torque is kept", "nobody sees it"])
+def test_torque_that_is_told_to_be_kept_is_kept_without_telegrams(
+    told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """C3 with E4: before a slip is seen nobody can see it, and nothing holds the load; behind HOLD the drive does."""
+    deeds = (Action(at_s=0.2, do="power"), Action(at_s=3.0, do="power_off"))
+    lost_s = 5.0 if told else 3.2
+    faults = (PlannedFault(number="C3", at_s=2.9), PlannedFault(number="E4", at_s=lost_s))
+    scene = Scenario(
+        drive="bus", angle_deg=-80.0, plant_seed=1, actions=deeds, faults=faults, duration_s=11.0
+    )
+    assert play(scene).ok
+    _lost_telegrams_end_a_hold(monkeypatch)
+    assert play(scene).ok is not told
 
 
 def _violations(number: str, phase: Phase, speed_deg_s: float, angle_deg: float) -> list[str]:

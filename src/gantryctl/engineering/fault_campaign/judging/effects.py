@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
@@ -93,9 +93,24 @@ def nothing_holds(cases: Sequence[FaultCase]) -> bool:
     Then the axis can keep no way, and must tell people (rows A20 and B13 are of this kind by themselves); that the load
     moves nobody can know where the reading stands whatever it does.
     """
+    return _beside_no_brake(cases, lambda case: case.reaction in _TAKES_TORQUE or _stands_still(case))
+
+
+def nobody_sees_the_brake(cases: Sequence[FaultCase]) -> bool:
+    """A brake without torque, and no telegrams of the drive that would show it as the torque goes in order."""
+    return _beside_no_brake(cases, lambda case: any(_without_telegrams(each) for each in case.injections))
+
+
+def _beside_no_brake(cases: Sequence[FaultCase], is_so: Callable[[FaultCase], bool]) -> bool:
     weak = [case for case in cases if any(_without_brake(each) for each in case.injections)]
-    others = [case for case in cases if case not in weak]
-    return bool(weak) and any(case.reaction in _TAKES_TORQUE or _stands_still(case) for case in others)
+    return bool(weak) and any(is_so(case) for case in cases if case not in weak)
+
+
+def _without_telegrams(each: Injection) -> bool:
+    key = (each.where, each.kind)
+    if key == (Place.FRAME, "tpdo"):
+        return each.values["number"] == 1 and each.values["kind"] in ("drop", "length") and each.for_s is None
+    return key in ((Place.FRAME, "sync_lost"), (Place.FRAME, "drive_silent"))
 
 
 def _stands_still(case: FaultCase) -> bool:

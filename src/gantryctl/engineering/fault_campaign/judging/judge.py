@@ -9,6 +9,7 @@ from gantryctl.engineering.fault_campaign.judging.effects import (
     LOAD_MOVES,
     driven_on,
     may_come_first,
+    nobody_sees_the_brake,
     nothing_holds,
     reaches_nobody,
     shows_no_motion,
@@ -53,6 +54,7 @@ class Judge:
         self._rows = [(each, fault) for fault in scenario.faults for each in fault.injections()]
         self._quick_stop_asked = any(action.do == "quick_stop" for action in scenario.actions)
         self._told_of_load = self._told_of_torque = self._told_of_lost_drive = False
+        self._torque_kept = False
         self._begun: list[PlannedFault] = []
         self._way: Way | None = None
         self._ways: list[Way] = []
@@ -110,6 +112,7 @@ class Judge:
         self._told_of_load = self._told_of_load or alarm.code in LOAD_MOVES
         self._told_of_torque = self._told_of_torque or alarm.code is Code.DRV_03
         self._told_of_lost_drive = self._told_of_lost_drive or alarm.code is Code.CAN_13
+        self._torque_kept = self._torque_kept or alarm.reaction is Reaction.HOLD
         stops = alarm.reaction >= Reaction.QUICK_STOP
         if stops and alarm.follows is None:
             self.stops.append(alarm.code.value)
@@ -129,7 +132,9 @@ class Judge:
         relay = any(can.output_place(name) for name in ("watchdog", "drive_enable"))
         driven = self._told_of_torque and not relay and driven_on(self._cases)
         told = self._told_of_load or self._told_of_lost_drive
-        return driven or ((told or self.blind) and nothing_holds(self._cases))
+        # Torque that is told to be kept is held on to, whoever sees it.
+        unseen = not self._torque_kept and nobody_sees_the_brake(self._cases)
+        return driven or unseen or ((told or self.blind) and nothing_holds(self._cases))
 
     @property
     def blind(self) -> bool:
