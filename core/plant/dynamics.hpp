@@ -98,9 +98,9 @@ GANTRY_INLINE Train<const T> second_train(const PlantState<T>& x) {
 template <class T>
 struct TrainForces {
   T acc_motor = T(0.0);
-  T torque_mesh = T(0.0);      // Tg, at the gantry
-  T on_ring = T(0.0);          // Tg (1 - e_r')
-  T hysteresis_rate = T(0.0);  // Th'
+  T torque_mesh = T(0.0);       // Tg, at the gantry
+  T on_ring = T(0.0);           // Tg (1 - e_r')
+  T hysteresis_rate = T(0.0);   // Th'
   T hysteresis_level = T(0.0);  // most that |Th| slides with
   Friction<T> motor, brake;
 };

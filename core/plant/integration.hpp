@@ -54,8 +54,8 @@ GANTRY_INLINE void step_train(const PlantParams<T>& p, const CurrentLoop<T>& cur
     x.motor_z = friction_step(x.motor_z, f.motor, dt);
   }
   if (p.hysteresis) {
-    // A twist of more than its length in one cycle (9 deg/s between motor and load of a table of 50 kg m2, of which no
-    // sound motion has a tenth) would throw it beyond its level, ever further: it slides with that.
+    // A twist of more than its length in one cycle (9 deg/s between motor and load of a table of 50 kg m2, of
+    // which no sound motion has a tenth) would throw it beyond its level, ever further: it slides with that.
     const T most = larger(vabs(x.hysteresis), f.hysteresis_level);
     x.hysteresis = clamp(x.hysteresis + f.hysteresis_rate * dt, -most, most);
   }

@@ -213,8 +213,8 @@ TEST(Integration, states_of_friction_are_ways) {
   }
 }
 
-// 1 rad/s of twist turn a hysteresis of 0.01 mrad over 12.5 times in a cycle: it slides with its 4 N m, and turns with
-// the twist. A step of its rate alone would throw it from one side to the other, ever further.
+// 1 rad/s of twist turn a hysteresis of 0.01 mrad over 12.5 times in a cycle: it slides with its 4 N m, and
+// turns with the twist. A step of its rate alone would throw it from one side to the other, ever further.
 TEST(Integration, a_hysteresis_that_is_turned_over_within_a_cycle_stays_at_its_level) {
   PlantParams<double> p = heavy();
   p.hysteresis = true;
