@@ -113,6 +113,14 @@ def test_used_leases_are_remembered_within_a_bound() -> None:
     assert hold.begin(f"{lease._REMEMBERED:016x}", "page", True, 100.0, 100.0) is Words.LEASE_USED
 
 
+def test_a_press_that_comes_again_after_it_was_forgotten_ends_in_its_scan() -> None:
+    """It names the frame that the person saw then."""
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    assert hold.begin("a", "page", True, 100.0, 100.0 + LEASE_S) is None
+    assert hold.check(100.0 + LEASE_S)
+    assert not (hold.forward or hold.reverse)
+
+
 def test_a_dead_key_is_told_why_it_has_ended() -> None:
     never = HoldToRun(LEASE_S, SCAN_S)
     assert str(Words.LEASE_ENDED) in str(never.renew("a", "page", 100.2, 100.21))

@@ -8,8 +8,9 @@ from typing import Final
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.protocol.limits import HELD_S
 
-# Ended leases that are kept against a second use.
-_REMEMBERED: Final = 10_000
+# Ended leases that are kept against a second use: two days of a busy room, some 230 bytes each. A press that came again
+# later would name a status frame that is older than its lease, and end in the same scan.
+_REMEMBERED: Final = 1_000
 
 
 class HoldToRun:
