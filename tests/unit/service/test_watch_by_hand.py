@@ -26,6 +26,31 @@ def test_a_file_that_grew_and_was_cut_back_is_cut(tmp_path: Path) -> None:
     watch.close()
 
 
+def test_a_directory_that_is_moved_while_it_is_looked_at_is_moved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its files are gone too then: written anew, they would begin a second state directory in its place."""
+    state = tmp_path / "state"
+    state.mkdir()
+    (state / "journal").write_bytes(b"x")
+    watch, look_at = FileWatch(state, [state / "journal"]), os.lstat
+
+    def moved(path: Path) -> os.stat_result:
+        if state.exists():
+            state.rename(tmp_path / "away")
+        return look_at(path)
+
+    monkeypatch.setattr(os, "lstat", moved)
+    for _ in range(2):
+        assert [(each.change, each.path) for each in watch.look()] == [(Change.MOVED, state)]
+    (tmp_path / "away").rename(state)
+    monkeypatch.undo()
+    assert watch.look() == []
+    (state / "journal").unlink()
+    assert [each.change for each in watch.look()] == [Change.GONE]
+    watch.close()
+
+
 def test_a_file_of_another_disk_may_have_the_same_number() -> None:
     one, other = (SimpleNamespace(st_dev=device, st_ino=7) for device in (1, 2))
     found: list[Any] = [_identity(each) for each in (one, other)]  # type: ignore[arg-type]

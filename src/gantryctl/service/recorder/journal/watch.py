@@ -52,11 +52,17 @@ class FileWatch:
 
     def look(self) -> list[Changed]:
         """Compare; what is found is told in every look until it is put right."""
-        if not self._in_place():
-            # An empty directory that was removed has no name left: its files are written anew.
-            if os.fstat(self._handle).st_nlink:
-                return [Changed(Change.MOVED, self._directory)]
-            return [Changed(Change.GONE, path) for path in self._known]
+        if self._in_place():
+            found = self._changes()
+            # A directory that is moved while it is looked at has lost its files too: nothing is begun anew in its place.
+            if all(each.change is not Change.GONE for each in found) or self._in_place():
+                return found
+        # An empty directory that was removed has no name left: its files are written anew.
+        if os.fstat(self._handle).st_nlink:
+            return [Changed(Change.MOVED, self._directory)]
+        return [Changed(Change.GONE, path) for path in self._known]
+
+    def _changes(self) -> list[Changed]:
         found = []
         for path, known in self._known.items():
             try:
