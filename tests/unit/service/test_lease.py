@@ -118,7 +118,8 @@ def test_a_press_that_comes_again_after_it_was_forgotten_ends_in_its_scan() -> N
     hold = HoldToRun(LEASE_S, SCAN_S)
     assert hold.begin("a", "page", True, 100.0, 100.0 + LEASE_S) is None
     assert hold.check(100.0 + LEASE_S)
-    assert not (hold.forward or hold.reverse)
+    assert not hold.forward
+    assert not hold.reverse
 
 
 def test_a_dead_key_is_told_why_it_has_ended() -> None:

@@ -54,7 +54,7 @@ class FileWatch:
         """Compare; what is found is told in every look until it is put right."""
         if self._in_place():
             found = self._changes()
-            # A directory that is moved while it is looked at has lost its files too: nothing is begun anew in its place.
+            # Moved while it was looked at, it has lost its files too: nothing is begun anew in its place.
             if all(each.change is not Change.GONE for each in found) or self._in_place():
                 return found
         # An empty directory that was removed has no name left: its files are written anew.
