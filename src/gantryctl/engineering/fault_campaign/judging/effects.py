@@ -107,10 +107,14 @@ def _beside_no_brake(cases: Sequence[FaultCase], is_so: Callable[[FaultCase], bo
 
 
 def _without_telegrams(each: Injection) -> bool:
-    key = (each.where, each.kind)
-    if key == (Place.FRAME, "tpdo"):
-        return each.values["number"] == 1 and each.values["kind"] in ("drop", "length") and each.for_s is None
-    return key in ((Place.FRAME, "sync_lost"), (Place.FRAME, "drive_silent"))
+    lost = (each.where, each.kind) in ((Place.FRAME, "sync_lost"), (Place.FRAME, "drive_silent"))
+    return lost or (hides_state(each) and each.for_s is None)
+
+
+def hides_state(each: Injection) -> bool:
+    """The telegrams with the state of the drive do not come, or none that can be read."""
+    tpdo = (each.where, each.kind) == (Place.FRAME, "tpdo")
+    return tpdo and each.values["number"] == 1 and each.values["kind"] in ("drop", "length")
 
 
 def _stands_still(case: FaultCase) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gantryctl.drives.virtual.node import DriveNode
-from gantryctl.engineering.fault_campaign.judging.effects import effect_of
+from gantryctl.engineering.fault_campaign.judging.effects import effect_of, hides_state
 from gantryctl.engineering.faults.bench import FaultBench
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.kinds.kind import Place
@@ -33,7 +33,7 @@ def tell(axis: AxisOracle, each: Injection, bench: FaultBench) -> None:
         known.reading_late_s = each.values["late_s"]
     if each.kind == "contact":
         known.contact_lies = each.values["open"]
-    if each.kind == "tpdo" and each.values["number"] == 1 and each.values["kind"] in ("drop", "length"):
+    if hides_state(each):
         lasts_s = math.inf if each.for_s is None else each.for_s
         known.state_seen_ms = max(known.state_seen_ms, now.ms + 1e3 * lasts_s)
     if each.kind == "load_shift":
