@@ -27,6 +27,7 @@ from unit.program.parts import BOTH, Parts
 from unit.program.power_steps import P, record
 from unit.program.rig import Rig, powered, settings
 from unit.program.test_parts_of_reset import W
+from unit.program.test_torque_proof import proof_of
 
 approx = pytest.approx
 
@@ -146,11 +147,8 @@ def test_the_proof_begins_4_ms_behind_the_scan_that_shows_a_drive_enabled():
 def test_what_the_proof_torque_turns_is_counted_beside_what_the_load_swings_on(drift, way):
     """A swinging load turns the shaft by two counts a scan, either way; as the torque comes, by 5 more."""
     parts = Parts()
-    parts.holding.mean_nm = way * 12.0
-    parts.holding.preload()
-    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
     parts.feedback.counts = 1000.0
-    proof.begin()
+    proof, _ = proof_of(parts, way * 12.0)
     for scan in range(1, 11):
         parts.feedback.counts = 1000.0 + drift * scan
         assert not proof.given(scan)
@@ -237,11 +235,8 @@ def test_a_swing_that_was_seen_for_one_scan_alone_is_taken_off_as_well():
 def test_less_than_a_tenth_of_the_proof_has_turned_nothing_yet(share, turned, way):
     """Of 24 N m: 4 counts until the second scan are a swing of 2 a scan, which leaves 3 of the 5 of the third."""
     parts = Parts()
-    parts.holding.mean_nm = way * 12.0
-    parts.holding.preload()
-    proof = TorqueProof(parts.settings, parts.feedback, parts.alarms, parts.holding)
     parts.feedback.counts = 1000.0
-    proof.begin()
+    proof, _ = proof_of(parts, way * 12.0)
     parts.feedback.torque_nm = 0.0
     assert not proof.given(1)
     parts.feedback.counts, parts.feedback.torque_nm = 1000.0 + way * 4.0, way * share * 24.0
