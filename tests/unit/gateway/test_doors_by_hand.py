@@ -19,7 +19,7 @@ from gantryctl.gateway import access as access_module
 from gantryctl.gateway import peers
 from gantryctl.gateway.access import COOKIE, Access
 from gantryctl.gateway.door import Door
-from gantryctl.gateway.guard import CSP, Guard, _limited, deny, error
+from gantryctl.gateway.guard import CSP, _limited, deny, error
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.routes import API, ROUTES
 from gantryctl.gateway.sessions import FAILURES
@@ -34,11 +34,9 @@ from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Action, Role
 from gantryctl.service.supervisor.users import Users
+from support.gateway_by_hand import HERE, JSON, Headers, guard, scope
 
 PASSWORD = "correct horse battery"
-HERE = b"127.0.0.1:1"
-JSON = (b"content-type", b"application/json")
-Headers = list[tuple[bytes, bytes]]
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +59,6 @@ def access(tmp_path: Path, users: bytes) -> Iterator[Access]:
     made.users.path.write_bytes(users)
     yield made
     memory.close()
-
-
-def scope(method: str = "GET", path: str = "/", headers: Headers | None = None) -> dict[str, Any]:
-    return {
-        "type": "http", "method": method, "path": path, "query_string": b"", "scheme": "http",
-        "client": ("192.0.2.7", 1), "server": ("127.0.0.1", 1), "headers": headers or [],
-    }  # fmt: skip
 
 
 def cookie_of(access: Access, role: Role) -> tuple[bytes, bytes]:
@@ -256,10 +247,6 @@ def test_a_console_is_a_cookie_its_user_and_nobody_between(monkeypatch: pytest.M
     assert not consoles.proves(scope(headers=[(b"via", b"1.1 proxy")]), cookie)
     uids[0] = 1001
     assert not consoles.proves(scope(), cookie)
-
-
-def guard(access: Access, session: Any = None) -> Guard:
-    return Guard(None, access.settings, lambda connection: session)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -17,16 +17,9 @@ from gantryctl.gateway.sessions import (
 from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import Users
+from support.gateway_by_hand import Clock
 
 PASSWORD = "correct horse battery"
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.s = 1000.0
-
-    def __call__(self) -> float:
-        return self.s
 
 
 def made(root: Path) -> tuple[Sessions, Users, Clock]:

@@ -1,0 +1,77 @@
+"""Addresses of the door, by hand: hosts, networks, who waits, and whose connection it is."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from gantryctl.gateway import peers as peers_module
+from gantryctl.gateway.peers import local_user, user_of
+from gantryctl.gateway.places import Waiting
+from gantryctl.gateway.settings import Settings, neighbourhood
+from support.gateway_by_hand import Clock
+
+
+def test_a_server_without_a_port_has_no_local_users() -> None:
+    assert local_user({"client": ("127.0.0.1", 1), "server": ("/run/socket", None)}) is None
+
+
+def test_a_network_of_ipv6_is_one_whatever_its_interface_is_called() -> None:
+    assert {neighbourhood(each) for each in ("fe80::1%eth0", "fe80::2%7", "fe80::3")} == {"fe80::/64"}
+    assert neighbourhood("192.0.2.7") == neighbourhood("::ffff:192.0.2.7") == "192.0.2.7"
+
+
+def test_hosts_have_small_letters_and_brackets() -> None:
+    made = Settings("2001:DB8::1", 443, -1, "c", "k", ("Gantry.Example",), Path(), Path())
+    assert made.hosts == {"[2001:db8::1]:443", "[2001:db8::1]", "gantry.example:443", "gantry.example"}
+    assert made._replace(port=80).hosts == {"[2001:db8::1]:80", "gantry.example:80"}
+    plain = made._replace(certificate=None, port=80)
+    assert plain.hosts == {"[2001:db8::1]:80", "[2001:db8::1]", "gantry.example:80", "gantry.example"}
+
+
+def test_who_waits_for_too_long_is_ended_and_who_came_later_is_next() -> None:
+    closed: list[str] = []
+    clock = Clock()
+    waiting = Waiting(10, 5.0, clock)
+    for name in ("old", "new"):
+        waiting.add(SimpleNamespace(close=lambda name=name: closed.append(name)), "192.0.2.7", "one")  # type: ignore[arg-type]
+        clock.s += 4.0
+    assert waiting.next() is not None
+    assert (closed, len(waiting), waiting.next()) == (["old"], 0, None)
+
+
+@pytest.mark.parametrize(
+    ("state", "swapped", "kind", "uid"),
+    [(1, False, 20, 1000), (10, False, 20, None), (1, True, 20, None), (1, False, 2, None)],
+)
+def test_only_an_established_connection_with_both_ends_names_its_user(
+    monkeypatch: pytest.MonkeyPatch, state: int, swapped: bool, kind: int, uid: int | None
+) -> None:
+    """An answer of sock_diag, linux/inet_diag.h: where there is none, the system offers a socket that listens (10)."""
+    ends = [(4711, b"\x7f\0\0\1"), (8650, b"\x7f\0\0\1")]
+    (source, here), (target, there) = ends[::-1] if swapped else ends
+    said = struct.pack("=IHHII", 104, kind, 0, 1, 0) + struct.pack("=BBBB", 2, state, 0, 0)
+    said += struct.pack("!HH16s16s", source, target, here, there) + struct.pack("=III", 0, 7, 8)
+    said += struct.pack("=IIIII", 0, 0, 0, 1000, 99)
+
+    class System:
+        def __enter__(self) -> System:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def settimeout(self, _: float) -> None:
+            pass
+
+        def send(self, _: bytes) -> None:
+            pass
+
+        def recv(self, _: int) -> bytes:
+            return said
+
+    monkeypatch.setattr(peers_module.socket, "socket", lambda *_: System())
+    assert user_of(("127.0.0.1", 4711), ("127.0.0.1", 8650)) == uid

@@ -1,0 +1,99 @@
+"""Recordings and the page at their door, by hand: lists, lengths, names."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.requests import Request
+
+from gantryctl.gateway import rest as rest_module
+from gantryctl.gateway import traces as traces_module
+from gantryctl.gateway.static import Page
+from gantryctl.gateway.traces import Recorded, Traces, _chunks
+from gantryctl.service.recorder.journal.reading import Entry
+from support.gateway_by_hand import scope
+from unit.gateway.test_rest_by_hand import asked, routes
+
+
+def test_recordings_have_world_time_and_those_under_way_are_not_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("000001_x.parquet", "000002_x.parquet.part", "000003_x.txt"):
+        (tmp_path / name).write_bytes(b"abc")
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        (row,) = Traces(tmp_path).rows()
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+    assert (row["name"], row["size"]) == ("000001_x.parquet", 3)
+    assert row["modified"].endswith("+00:00")
+
+
+def test_nobody_can_guess_the_id_of_a_recording(tmp_path: Path) -> None:
+    """Of 128 bits, and another one after each start."""
+    (tmp_path / "000001_x.parquet").write_bytes(b"abc")
+    ids = [row["id"] for _ in range(2) for row in Traces(tmp_path).rows()]
+    assert [len(each) for each in ids] == [32, 32]
+    assert ids[0] != ids[1]
+
+
+def test_a_reader_that_was_ended_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the system keeps it for as long as the gateway runs."""
+    did: list[str] = []
+
+    class Process:
+        returncode = None
+
+        async def communicate(self) -> tuple[bytes, None]:
+            raise TimeoutError
+
+        def kill(self) -> None:
+            did.append("killed")
+
+        async def wait(self) -> None:
+            did.append("waited for")
+
+    async def started(*_: Any, **__: Any) -> Process:
+        return Process()
+
+    monkeypatch.setattr(traces_module.asyncio, "create_subprocess_exec", started)
+    reader = Recorded()
+    assert asyncio.run(reader.columns(0, "one", 0, 1)) is None
+    assert (did, reader.busy) == (["killed", "waited for"], False)
+
+
+@pytest.mark.parametrize("size", [0, 1, 256 * 1024, 256 * 1024 + 1])
+def test_a_recording_is_read_to_its_last_byte_and_no_further(tmp_path: Path, size: int) -> None:
+    (tmp_path / "one").write_bytes(b"x" * (size + 5))  # it has grown meanwhile
+    parts = [*_chunks(os.open(tmp_path / "one", os.O_RDONLY), size)]
+    assert sum(map(len, parts)) == size
+    assert max(map(len, parts), default=0) <= 256 * 1024
+
+
+def test_a_download_names_its_size_and_a_note_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = routes(tmp_path)
+    made._files.open = lambda wanted: ("one.parquet", 4, iter([b"four"]))  # type: ignore[method-assign]
+    answer = asyncio.run(made._trace(Request({**scope(), "path_params": {"id": "x"}})))
+    assert answer.headers["content-length"] == "4"
+    assert answer.headers["content-disposition"] == 'attachment; filename="one.parquet"'
+    row = Entry(3, {"utc": "2026-01-02", "user": "anna", "text": "a note", "place": "console"}, "")
+    monkeypatch.setattr(rest_module, "read_journal", lambda *_, **__: [row])
+    assert asked(made._notes)[1] == [{"seq": 3, "utc": "2026-01-02", "user": "anna", "text": "a note"}]
+
+
+def test_the_page_is_a_page_by_its_folder_too(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("<html>", encoding="utf-8")
+    page = Page(tmp_path)
+    kinds = {
+        path: page.answer(Request(scope(path=path))).headers["content-type"] for path in ("/", "/index.html")
+    }
+    assert kinds == dict.fromkeys(("/", "/index.html"), "text/html; charset=utf-8")
