@@ -27,6 +27,7 @@ from gantryctl.program.power import sequence
 from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import rad
 from support.fault_liars import LIARS
@@ -151,6 +152,21 @@ def test_torque_that_is_told_to_be_kept_is_kept_without_telegrams(
     assert play(scene).ok
     _lost_telegrams_end_a_hold(monkeypatch)
     assert play(scene).ok is not told
+
+
+@pytest.mark.parametrize("lasts_s", [None, 4.0], ids=["to the end", "for 4 s"])
+def test_a_load_that_sank_unseen_is_told_when_telegrams_come_again(
+    lasts_s: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deeds = (Action(at_s=0.2, do="power"), Action(at_s=3.0, do="power_off"))
+    faults = (PlannedFault(number="C3", at_s=2.9), PlannedFault(number="E4", at_s=3.36, for_s=lasts_s))
+    scene = Scenario(
+        drive="bus", angle_deg=-68.8, plant_seed=1, actions=deeds, faults=faults, duration_s=8.0
+    )
+    assert play(scene).ok
+    # A program that looks at the load no more behind a stop.
+    monkeypatch.setattr(SlipWatch, "slipped_without_torque", lambda *_: False)
+    assert play(scene).ok is (lasts_s is None)
 
 
 def _violations(number: str, phase: Phase, speed_deg_s: float, angle_deg: float) -> list[str]:

@@ -25,6 +25,8 @@ from gantryctl.image import Mode
 # time, true motor angle and speed, true load angle and speed, told angle, wire: speed and torque.
 _BITS: Final = struct.Struct("<8d4B")
 _BROKE: Final = "INV-9"
+# What the load may do, which cannot be kept where nothing holds it.
+_OF_THE_LOAD: Final = frozenset({"INV-1", "INV-2", "INV-3"})
 # Of the torque of the brake. The motor has 385 N m, and a brake of the plants of seeds 380 to 500.
 _HOLDABLE_SHARE: Final = 0.75
 
@@ -172,10 +174,15 @@ class _Run:
             # A load of its own place, and the moving axis has taken it to where neither motor nor brake holds it.
             excused |= {"INV-1", "INV-3"}
         if judge.nothing_holds:
-            excused |= {"INV-1", "INV-2", "INV-3"}
+            excused |= _OF_THE_LOAD
             if judge.angle_unknowable:
                 excused.add("INV-7")
-        seen = [each for each in self._oracle.violations if each.invariant not in excused]
+        seen = [
+            each
+            for each in self._oracle.violations
+            if each.invariant not in excused
+            and not (each.invariant in _OF_THE_LOAD and each.time_s <= judge.unseen_until_s)
+        ]
         played.violations = tuple(sorted([*seen, *judge.end()], key=lambda each: each.time_s))
         played.trace_sha256 = sha256
         played.stops, played.nuisances = tuple(judge.stops), judge.nuisances

@@ -12,7 +12,12 @@ _QS, _TO, _HOLD = Reaction.QUICK_STOP, Reaction.TORQUE_OFF, Reaction.HOLD
 
 _CHECK_DRIVE: Final = "Read the drive's own fault display, remove the cause, then reset."
 _CHECK_DRIVE_ZH: Final = "查看驱动器自身的故障显示，排除原因后复位。"
-_SECURE_ZH: Final = "人员远离。固定负载并联系维修。"
+# Torque holds the load only where the drive can give it: no word here may promise that it does.
+_SECURE: Final = (
+    "Keep people away. If torque holds the load, switching off or an emergency stop takes it away. "
+    "Secure the load and call service."
+)
+_SECURE_ZH: Final = "人员远离。若负载由转矩保持，断电或急停会撤去该转矩。固定负载并联系维修。"
 
 POWER: Final = (
     # Fault catalogue C1: full torque against a closed brake would wear it and heat the motor.
@@ -45,11 +50,10 @@ POWER: Final = (
         Text("Brake does not hold",
              "Moved {measured:.4f} deg while the torque was taken off, limit {limit:.4f} deg",
              "The brake slips under the load; the motor holds it where it can.",
-             "Keep people away. Switching off or an emergency stop takes away the torque that holds the load. "
-             "Secure the load and call service."),
+             _SECURE),
         Text("制动器未抱住", "卸除转矩时移动了 {measured}°，限值 {limit}°",
              "制动器在负载下打滑；可能时由电机保持。",
-             "人员远离。断电或急停会撤去保持负载的转矩。固定负载并联系维修。"),
+             _SECURE_ZH),
         lock=True,
     ),
     # Fault catalogue C4: torque comes back only where the emergency-stop chain is closed.
@@ -57,11 +61,10 @@ POWER: Final = (
         Code.BRK_04, _STOP, _HOLD,
         Text("Brake slips", "Moved {measured:.4f} deg while switched off, limit {limit:.4f} deg",
              "The closed brake lets the load move; the motor holds it where it can.",
-             "Keep people away. Switching off takes away the torque that holds the load. Secure the load and call "
-             "service."),
+             _SECURE),
         Text("制动器打滑", "断电状态下移动了 {measured}°，限值 {limit}°",
              "抱紧的制动器让负载移动；可能时由电机保持。",
-             "人员远离。断电会撤去保持负载的转矩。固定负载并联系维修。"),
+             _SECURE_ZH),
         lock=True, horn=True,
     ),
     # Fault catalogue C5, C6: a contact alone is a quick stop; where the axis feels the brake, the torque goes off.
@@ -131,7 +134,7 @@ POWER: Final = (
     Definition(
         Code.BRK_11, _STOP, _HOLD,
         Text("Load still moving", "Still {measured:.2f} deg/s, {time_s:.1f} s after torque off and brake",
-             "The brake does not stop the load.", "Keep people away. Secure the load and call service."),
+             "The brake does not stop the load.", _SECURE),
         Text("负载仍在运动", "转矩切断并制动 {time_s} s 后仍为 {measured} °/s", "制动器没有使负载停住。",
              _SECURE_ZH),
         lock=True, horn=True,

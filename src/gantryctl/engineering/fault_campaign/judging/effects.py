@@ -98,7 +98,7 @@ def nothing_holds(cases: Sequence[FaultCase]) -> bool:
 
 def nobody_sees_the_brake(cases: Sequence[FaultCase]) -> bool:
     """A brake without torque, and no telegrams of the drive that would show it as the torque goes in order."""
-    return _beside_no_brake(cases, lambda case: any(_without_telegrams(each) for each in case.injections))
+    return _beside_no_brake(cases, lambda case: any(loses_telegrams(each) for each in case.injections))
 
 
 def _beside_no_brake(cases: Sequence[FaultCase], is_so: Callable[[FaultCase], bool]) -> bool:
@@ -106,9 +106,10 @@ def _beside_no_brake(cases: Sequence[FaultCase], is_so: Callable[[FaultCase], bo
     return bool(weak) and any(is_so(case) for case in cases if case not in weak)
 
 
-def _without_telegrams(each: Injection) -> bool:
+def loses_telegrams(each: Injection) -> bool:
+    """The telegrams of the drive do not come, or those with its state do not."""
     lost = (each.where, each.kind) in ((Place.FRAME, "sync_lost"), (Place.FRAME, "drive_silent"))
-    return lost or (hides_state(each) and each.for_s is None)
+    return lost or hides_state(each)
 
 
 def hides_state(each: Injection) -> bool:

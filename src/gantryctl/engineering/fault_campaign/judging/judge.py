@@ -8,6 +8,7 @@ from typing import Final
 from gantryctl.engineering.fault_campaign.judging.effects import (
     LOAD_MOVES,
     driven_on,
+    loses_telegrams,
     may_come_first,
     nobody_sees_the_brake,
     nothing_holds,
@@ -23,6 +24,7 @@ from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.oracle.axis_oracle import Violation
 from gantryctl.program.alarms.codes import Code, Reaction, Severity
 from gantryctl.program.alarms.log import Alarm
+from gantryctl.program.alarms.words import Words
 
 NUISANCE: Final = "M2"
 """Stopped or warned, and nobody caused it (meta-invariant of the catalogue)."""
@@ -54,7 +56,9 @@ class Judge:
         self._rows = [(each, fault) for fault in scenario.faults for each in fault.injections()]
         self._quick_stop_asked = any(action.do == "quick_stop" for action in scenario.actions)
         self._told_of_load = self._told_of_torque = self._told_of_lost_drive = False
-        self._torque_kept = False
+        self._torque_kept_s = math.inf
+        # Until then telegrams that would show what the drive and its load do are lost.
+        self._seen_again_s = 0.0
         self._begun: list[PlannedFault] = []
         self._way: Way | None = None
         self._ways: list[Way] = []
@@ -62,6 +66,9 @@ class Judge:
 
     def injected(self, each: Injection) -> None:
         """An injection acts now."""
+        if loses_telegrams(each):
+            lasts_s = math.inf if each.for_s is None else each.for_s
+            self._seen_again_s = max(self._seen_again_s, self._bench.time_s + lasts_s)
         for injection, fault in self._rows:
             if injection == each and fault not in self._begun:
                 self._begins(fault)
@@ -112,7 +119,8 @@ class Judge:
         self._told_of_load = self._told_of_load or alarm.code in LOAD_MOVES
         self._told_of_torque = self._told_of_torque or alarm.code is Code.DRV_03
         self._told_of_lost_drive = self._told_of_lost_drive or alarm.code is Code.CAN_13
-        self._torque_kept = self._torque_kept or alarm.reaction is Reaction.HOLD
+        if Words.TORQUE_KEPT in alarm.steps:
+            self._torque_kept_s = min(self._torque_kept_s, alarm.time_s)
         stops = alarm.reaction >= Reaction.QUICK_STOP
         if stops and alarm.follows is None:
             self.stops.append(alarm.code.value)
@@ -132,9 +140,17 @@ class Judge:
         relay = any(can.output_place(name) for name in ("watchdog", "drive_enable"))
         driven = self._told_of_torque and not relay and driven_on(self._cases)
         told = self._told_of_load or self._told_of_lost_drive
-        # Torque that is told to be kept is held on to, whoever sees it.
-        unseen = not self._torque_kept and nobody_sees_the_brake(self._cases)
-        return driven or unseen or ((told or self.blind) and nothing_holds(self._cases))
+        return driven or ((told or self.blind) and nothing_holds(self._cases))
+
+    @property
+    def unseen_until_s(self) -> float:
+        """Until then nobody could see that the brake does not hold; 0 without such faults.
+
+        Torque that is told to be kept is held on to, whoever sees it. Where the telegrams come again people are told.
+        """
+        told = self._told_of_load or math.isinf(self._seen_again_s)
+        unseen = told and nobody_sees_the_brake(self._cases)
+        return min(self._torque_kept_s, self._seen_again_s) if unseen else 0.0
 
     @property
     def blind(self) -> bool:

@@ -33,6 +33,9 @@ def tell(axis: AxisOracle, each: Injection, bench: FaultBench) -> None:
         known.reading_late_s = each.values["late_s"]
     if each.kind == "contact":
         known.contact_lies = each.values["open"]
+    if each.kind == "inputs_stuck":
+        # The contact of the brake among them keeps its level, and comes when they live again.
+        known.contact_lies = True
     if hides_state(each):
         lasts_s = math.inf if each.for_s is None else each.for_s
         known.state_seen_ms = max(known.state_seen_ms, now.ms + 1e3 * lasts_s)

@@ -23,8 +23,8 @@ class KnownFaults:
         brake_late_s: a fault lets the brake close so much later. brake_share: what is left of its torque.
         reading_late_s: a fault delays every telegram of the drive by so much: none carries its time, so behind the gap
             at the beginning nothing shows it.
-        contact_lies: a fault has held the contact of the brake open; only it shows that the brake is closed, so that
-            may be told later than it is so.
+        contact_lies: a fault has held the contact of the brake open, or every input as it was; only the contact shows
+            that the brake is closed, so that may be told later than it is so.
         state_seen_ms: until then the telegrams with the state of the drive do not come: nobody sees that a relay takes
             its torque.
         held: the controller stands still, or has stood.
