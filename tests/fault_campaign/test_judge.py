@@ -15,10 +15,12 @@ from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.fault_campaign.scenario import Action, PlannedFault, Scenario
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
+from gantryctl.image import OutputImage
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.load_side import Command, LoadSide
 from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
@@ -160,9 +162,7 @@ def test_a_load_that_sank_unseen_is_told_when_telegrams_come_again(
 ) -> None:
     deeds = (Action(at_s=0.2, do="power"), Action(at_s=3.0, do="power_off"))
     faults = (PlannedFault(number="C3", at_s=2.9), PlannedFault(number="E4", at_s=3.36, for_s=lasts_s))
-    scene = Scenario(
-        drive="bus", angle_deg=-68.8, plant_seed=1, actions=deeds, faults=faults, duration_s=8.0
-    )
+    scene = Scenario(drive="bus", angle_deg=-68.8, plant_seed=1, actions=deeds, faults=faults, duration_s=8.0)
     assert play(scene).ok
     # A program that looks at the load no more behind a stop.
     monkeypatch.setattr(SlipWatch, "slipped_without_torque", lambda *_: False)
@@ -201,6 +201,23 @@ def test_a_torque_that_is_still_enough_stops_nothing_and_one_that_is_not_does(
     assert run_cell(at_end)["violations"] == []
     _only_warn(monkeypatch, Code.CTL_07, Code.CTL_03, Code.DRV_13, Code.CTL_05)
     assert _violations("B8", Phase.CRUISE, 3.0, 15.0)
+
+
+def test_a_set_point_that_follows_an_axis_which_gives_way_hides_no_deviation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The axis would do what it is told, whatever it does."""
+    true = Axis.end
+
+    def follows(self: Axis) -> OutputImage:
+        output = true(self)
+        if not self.virtual.at_rest:
+            self.virtual.vel_ref_rad_s = self.feedback.vel_rad_s
+        return output
+
+    monkeypatch.setattr(Axis, "end", follows)
+    _only_warn(monkeypatch, Code.CTL_07, Code.CTL_03, Code.DRV_13, Code.CTL_05)
+    assert any("moved" in each for each in _violations("B8", Phase.CRUISE, 3.0, 15.0))
 
 
 def test_a_winding_that_is_too_hot_is_judged_from_its_alarm(monkeypatch: pytest.MonkeyPatch) -> None:

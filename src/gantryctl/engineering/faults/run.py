@@ -17,7 +17,7 @@ from gantryctl.engineering.faults.bench import (
     bench_machine,
     way_to_cruise_deg,
 )
-from gantryctl.engineering.faults.case import FaultCase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import Injection, finite
 from gantryctl.engineering.faults.limits import limit_deg, reaction_of
 from gantryctl.errors import UsageError
@@ -26,6 +26,7 @@ from gantryctl.machine.places import heaviest_deg, reach_deg
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.units import deg
+from gantryctl.wiring.program import ramps_deg
 
 DriveKind = Literal["sim", "bus"]
 # Gravity of the mass that the eccentric moment is given by.
@@ -294,9 +295,13 @@ def _judged(
     top = machine.speed.setting_max_deg_s
     start_deg, counted = pos[begin], begin
     if case.from_deviation:
-        # A ramp of the program's own is no deviation; with torque that is still enough the axis comes to its target.
+        # The program's own ramp to the target is no deviation: with torque that is still enough the axis comes there.
+        # Further away its set-point proves nothing: one that follows an axis which gives way would hide the deviation.
         least = _DEVIATION_SHARE * top
         obeys = np.abs(vel[begin:] - log["ref_deg_s"][begin:]) <= least
+        if case.phase is Phase.CRUISE:
+            target_deg = deg(bench.target.operator.command.target_rad) - offset_deg
+            obeys &= np.abs(pos[begin:] - target_deg) <= ramps_deg(machine, abs(speed_deg_s))
         away = np.nonzero((np.abs(vel[begin:] - vel[begin]) > least) & ~obeys)[0]
         counted = begin + int(away[0]) if len(away) else len(pos) - 1
         start_deg = pos[counted]
