@@ -3,131 +3,20 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import STEPS, Commissioning, Outcome, Step, StepResult
-from gantryctl.commissioning.in_service.board import Board, offered
+from gantryctl.commissioning import Commissioning, Outcome, StepResult
+from gantryctl.commissioning.in_service.board import Board
 from gantryctl.commissioning.in_service.desk import Desk
-from gantryctl.commissioning.in_service.tags import fast_tags, slow_tags
-from gantryctl.commissioning.results import Figure
-from gantryctl.commissioning.watch import Seen, StepWatch
-from gantryctl.engineering.report.meter import Meter
-from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag
-from gantryctl.machine import configs_folder, load_machine
 from gantryctl.operation.client import Stop
-from gantryctl.operation.ledger import LedgerRow, Standing
-from gantryctl.operation.store import StateStore
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Source, Word
-from gantryctl.service.memory.snapshot import FAST, Snapshot
-from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.limits import ARMED_S, SILENCE_S, VIEW_MAX_S, WATCHED_S
-from gantryctl.service.protocol.messages import WITHOUT_EPOCH, Identity, MessageRefused, to_record
+from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.protocol.tags import BY_NAME
-
-MACHINE = load_machine(configs_folder() / "hust_can.toml")
-ANNA = Identity("a", "anna", Role.SERVICE, "console")
-REMOTE = Identity("r", "remy", Role.SERVICE, "10.0.0.7")
-OTHER = Identity("o", "otto", Role.SERVICE, "console")
-VIEWER = Identity("v", "vera", Role.VIEWER, "10.0.0.8")
-LOOK_S = 0.005
-
-
-class Room:
-    """A desk in virtual time, and people in front of it."""
-
-    def __init__(self, work: Commissioning, **options: bool) -> None:
-        self.memory = SharedMemory.create()
-        self.memory.words[Word.RECORDER_NS] = 2**62  # alive for ever
-        self.now_s, self._seq, self.lively = 100.0, 0, True
-        self.work, self.board = work, Board(self.memory)
-        self.desk = Desk(
-            MACHINE, self.memory, self.board, lambda: work.watch, now=lambda: self.now_s, **options
-        )
-        self.board.show(work)
-        self.desk.set_up()
-        self.go(0.02)
-
-    def go(self, seconds: float) -> None:
-        """The desk looks as often as it does, and whoever has control gives signs of life as a page does."""
-        for k in range(round(seconds / LOOK_S)):
-            holder = self.desk.authority.holder
-            if self.lively and holder is not None and k % 80 == 0:
-                self.send(holder, "alive")
-            self.desk.look()
-            self.now_s += LOOK_S
-
-    def mark(self, who: Identity) -> str:
-        """Of the status frame that a connection would get now."""
-        frames = self.desk.frames
-        return mark_of(frames.issued_ms, frames.key, who.client)
-
-    def send(self, who: Identity, kind: str, **values: Any) -> int:
-        self._seq += 1
-        raw = {"type": kind, "seq": self._seq, "frame": self.mark(who), **values}
-        if kind not in WITHOUT_EPOCH:
-            raw["epoch"] = self.desk.authority.epoch
-        assert self.memory.commands[Source.WEB].put(to_record(who, raw))
-        return self._seq
-
-    def ask(self, who: Identity, kind: str, **values: Any) -> str:
-        """Send and look; "" when it was done, else the code."""
-        seq = self.send(who, kind, **values)
-        self.go(LOOK_S)
-        while (record := self.memory.replies[Source.WEB].take()) is not None:
-            client, reply = json.loads(record)
-            if (client, reply["seq"]) == (who.client, seq):
-                return str(reply["code"])
-        raise AssertionError(f"no reply to {kind}")
-
-    def leave(self, who: Identity) -> None:
-        """The connection has ended, as the gateway says."""
-        assert self.memory.commands[Source.WEB].put(to_record(who, {"type": "gone"}))
-
-    def begun(self, key: str = "identity", who: Identity = ANNA) -> Step:
-        """A step that has begun, as its thread gets it."""
-        assert self.ask(who, "take", over=False) == ""
-        if key != "identity":
-            assert self.ask(who, "arm", action="commission") == ""
-        assert self.ask(who, "commission_step", step=key) == ""
-        step = self.desk.next_order()
-        assert step is not None
-        assert step.key == key
-        assert not self.desk.halt.asked()
-        return step
-
-    @property
-    def tags(self) -> dict[str, Any]:
-        self.go(2 * LOOK_S)
-        snapshot = Snapshot(self.memory)
-        return {**snapshot.fast()[0], **snapshot.slow()}
-
-
-@pytest.fixture(scope="module")
-def work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Commissioning]:
-    """Set up; no step has been run."""
-    folder = tmp_path_factory.mktemp("work")
-    with StateStore(MACHINE, folder) as store:
-        made = Commissioning(MACHINE, store, folder, lambda line: None, lambda step: True)
-        made.start(again=False)
-        yield made
-
-
-@pytest.fixture
-def room(work: Commissioning) -> Room:
-    return Room(work)
-
-
-@pytest.fixture
-def free_room(room: Room, monkeypatch: pytest.MonkeyPatch) -> Room:
-    """Every step's turn has come."""
-    monkeypatch.setattr(room.board, "check_turn", lambda step: None)
-    return room
+from unit.commissioning.desk_room import ANNA, LOOK_S, MACHINE, OTHER, REMOTE, VIEWER, Room
 
 
 def test_only_service_with_control_begins_a_step(room: Room) -> None:
@@ -247,41 +136,6 @@ def test_where_a_second_person_is_wanted_another_one_arms(
 def test_a_note_can_be_written_while_a_step_runs(room: Room) -> None:
     room.begun()
     assert room.ask(ANNA, "note", line="the brake smells") == ""
-
-
-INPUTS = ("limit_minus_ok", "limit_plus_ok", "estop_ok", "enabling_switch", "mains_ready")
-SITE = ("collision_ok", "door_ok", "motion_permit", "estop_ok_2")
-
-
-@pytest.mark.parametrize("name", [*INPUTS, *SITE])
-@pytest.mark.parametrize("brake_open", [True, False])
-def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> None:
-    """One input that is off, and no other one."""
-    drive = DriveFeedback(
-        DriveState.SWITCHED_ON, 0, 0.0, -12.5, brake_open, False, 0.0, EncoderFlag.NONE,
-        inputs=DigitalInputs()._replace(**dict.fromkeys(SITE, True) | {name: False}),
-    )  # fmt: skip
-    tags = fast_tags(MACHINE, Seen(-90.25, 0.5, drive), moves=True)
-    assert {each for each in (*INPUTS, *SITE) if not tags[each]} == {name}
-    bare = drive._replace(inputs=DigitalInputs())
-    assert all(math.isnan(fast_tags(MACHINE, Seen(0.0, 0.0, bare), moves=True)[each]) for each in SITE)
-    assert (tags["pos_act_deg"], tags["vel_act_deg_s"], tags["torque_act_nm"]) == (-90.25, 0.5, -12.5)
-    assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
-    assert tags["brake_open_cmd"] == brake_open
-    # An angle that nobody knows is none.
-    lost = fast_tags(MACHINE, Seen(None, None, drive), moves=True)
-    assert math.isnan(lost["pos_act_deg"])
-    assert (lost["pos_ref_deg"], tags["pos_ref_deg"]) == (0.0, -90.25)
-    # Nobody has read a drive, or a program has it.
-    for seen in (None, Seen(-90.25, 0.5, None)):
-        assert fast_tags(MACHINE, seen, moves=True)["drive_state"] is DriveState.UNKNOWN
-
-
-def test_what_cannot_be_while_the_axis_is_commissioned() -> None:
-    """No motion, no reset, nothing refused; the page of the commissioning is open."""
-    tags = slow_tags(MACHINE, None, None, second_person=False)
-    assert (tags["mode"], tags["reset_locked"], tags["commissioning_available"]) == ("none", False, True)
-    assert (tags["refusal_text"], tags["refusal_messages"]) == ("", [])
 
 
 def test_a_second_client_is_refused(room: Room) -> None:
@@ -441,69 +295,12 @@ def test_a_desk_that_has_failed_ends_the_step(free_room: Room, monkeypatch: pyte
     assert free_room.desk.next_order() is None
 
 
-def test_tags_that_may_not_be_null_are_not(free_room: Room) -> None:
-    free_room.begun("velocity")
-    tags = free_room.tags
-    assert {name for name in FAST if tags[name] is None and not BY_NAME[name].null} == set()
-    assert tags["pos_act_deg"] is None
-    assert math.isfinite(tags["armed_left_s"])
-    assert tags["at_rest"] is False
-    assert tags["blocked_by"] == "the axis is being commissioned: end the commissioning first"
-
-
-def test_what_a_step_sees_is_told_while_it_runs(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
-    watch = StepWatch(Meter(lambda line: None, 20.0, lambda: 0.0), free_room.desk.halt)
-    watch.seen = Seen(12.5, 0.25, None)
-    watch.meter.advance(5.0)
-    monkeypatch.setattr(free_room.work, "watch", watch)
-    assert (free_room.tags["pos_act_deg"], free_room.tags["commissioning_left_s"]) == (None, None)
-    free_room.begun("velocity")
-    tags = free_room.tags
-    assert (tags["pos_act_deg"], tags["vel_act_deg_s"]) == (12.5, 0.25)
-    assert tags["commissioning_left_s"] == pytest.approx(watch.meter.left_s)
-
-
 def test_what_was_told_before_the_end_is_looked_at(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[str] = []
     monkeypatch.setattr(room.desk, "look", lambda: looks.append("look"))
     room.desk._ended.set()
     room.desk.run()
     assert looks == ["look"]
-
-
-def test_a_board_without_a_drive_is_not_complete(room: Room) -> None:
-    room.board.refuse("a machine", "no drive answers")
-    shown = json.loads(room.memory.commissioning.read() or b"")
-    assert (shown["machine"], shown["complete"], shown["note"]) == ("a machine", False, "no drive answers")
-    assert shown["steps"] == shown["ledger"] == shown["open"] == []
-    with pytest.raises(MessageRefused):
-        room.board.step("identity")
-
-
-def test_a_board_tells_of_a_step_what_its_result_tells(room: Room) -> None:
-    result = StepResult(
-        "identity", Outcome.FAILED, "as it was", {"way_deg": Figure(0.5, None, 0.4)}, "what to do", 7.0, 5.0,
-        "2026-11-20", "eve",
-    )  # fmt: skip
-    rows = (LedgerRow("shown", Standing.PROVEN, "sign"), LedgerRow("left", Standing.LACKING, proof="brake"))
-    asked = next(each for each in STEPS if each.key == "identity")
-    progress = SimpleNamespace(results={"identity": result}, drive="maker 1")
-    work: Any = SimpleNamespace(
-        progress=progress, ledger=rows, steps=(asked,), machine=MACHINE, complete=False
-    )
-    room.board.show(work, "a note")
-    shown = json.loads(room.memory.commissioning.read() or b"")
-    assert shown.pop("steps") == [
-        {
-            "key": "identity", "title": "Identity", "does": asked.does, "moves": "", "offered": True,
-            "outcome": "failed", "proof": "as it was", "to_do": "what to do", "at": "2026-11-20", "by": "eve",
-            "figures": {"way_deg": {"value": 0.5, "low": None, "high": 0.4}},
-        }
-    ]  # fmt: skip
-    assert shown == {
-        "machine": MACHINE.name, "drive": "maker 1", "complete": False, "note": "a note",
-        "ledger": [row.text for row in rows], "open": [rows[1].text],
-    }  # fmt: skip
 
 
 def test_the_end_is_an_order(room: Room) -> None:
@@ -518,30 +315,6 @@ def test_what_was_armed_is_for_one_step(free_room: Room) -> None:
     free_room.begun("velocity")
     free_room.desk.step_ended()
     assert free_room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
-
-
-def test_what_is_armed_and_a_new_board_are_shown_at_once(free_room: Room) -> None:
-    assert free_room.ask(ANNA, "take", over=False) == ""
-    before = free_room.tags
-    assert (before["armed_action"], before["commissioning_results"]) == ("none", 1)
-    assert free_room.ask(ANNA, "arm", action="commission") == ""
-    assert free_room.tags["armed_action"] == "commission"
-    free_room.board.show(free_room.work)
-    assert free_room.tags["commissioning_results"] == 2
-
-
-def test_what_was_written_is_told_apart_from_what_is_kept(free_room: Room) -> None:
-    """No recorder takes the events of this room."""
-    free_room.begun("velocity")
-    tags = free_room.tags
-    assert tags["journal_sequence"] > 0
-    assert tags["journal_committed"] == 0
-
-
-@pytest.mark.parametrize(("key", "at_rest"), [("identity", True), ("velocity", False)])
-def test_only_a_step_that_moves_is_no_rest(free_room: Room, key: str, at_rest: bool) -> None:
-    free_room.begun(key)
-    assert free_room.tags["at_rest"] is at_rest
 
 
 def test_behind_a_step_that_moved_control_is_taken_over_as_before_it(free_room: Room) -> None:
@@ -572,29 +345,6 @@ def test_an_end_stays_an_end_when_the_drive_is_set_up_behind_it(work: Commission
     assert desk._situation(ANNA, 100.0, 100.0).shutdown
 
 
-def test_a_page_knows_whether_a_second_person_is_wanted(work: Commissioning) -> None:
-    assert [Room(work, second_person=wanted).tags["second_person"] for wanted in (True, False)] == [
-        True,
-        False,
-    ]
-
-
-@pytest.mark.parametrize("complete", [True, False])
-def test_a_board_is_complete_when_the_commissioning_is(room: Room, complete: bool) -> None:
-    """Nothing of the ledger is open, and yet a step may be."""
-    progress = SimpleNamespace(results={}, drive="maker 1")
-    machine = SimpleNamespace(name="m")
-    made: Any = SimpleNamespace(progress=progress, ledger=(), steps=(), machine=machine, complete=complete)
-    room.board.show(made)
-    shown = json.loads(room.memory.commissioning.read() or b"")
-    assert (shown["machine"], shown["drive"], shown["complete"], shown["open"]) == (
-        "m",
-        "maker 1",
-        complete,
-        [],
-    )
-
-
 def test_a_step_ends_when_nobody_listens_any_more(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     free_room.begun("velocity")
     halt = free_room.desk.halt
@@ -609,10 +359,6 @@ def test_a_desk_that_looks_is_heard(free_room: Room) -> None:
     halt._now_s = lambda: 7000.0
     free_room.desk.look()
     assert halt._listened_s == 7000.0
-
-
-def test_a_page_has_no_step_that_needs_hands_or_an_instrument() -> None:
-    assert {step.key for step in STEPS if not offered(step)} == {"wiring", "accuracy"}
 
 
 def test_without_a_journal_no_step_begins(room: Room) -> None:

@@ -10,14 +10,12 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult, report
+from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult
 from gantryctl.commissioning import run as commissioning_run
 from gantryctl.commissioning.results import Figure, Progress, load_progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
-from gantryctl.commissioning.watch import Halt, StepStopped, StepWatch
+from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
-from gantryctl.engineering.report.head import Judged
-from gantryctl.engineering.report.meter import Meter
 from gantryctl.engineering.report.pictures import Picture
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
@@ -68,147 +66,6 @@ def test_two_commissionings_that_showed_the_same_have_one_hash() -> None:
         *(replace(first, **{name: "x"}).hash for name in ("machine", "proven_hash", "drive")),
     ]  # fmt: skip
     assert len({first.hash, *others}) == 7
-
-
-def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
-    # Nobody has asked when the run is about to begin; somebody does before it can be told.
-    monkeypatch.setattr(halt, "check", lambda: halt.ask(Stop.QUICK, "now"))
-    with halt.stops(run):  # type: ignore[arg-type]
-        assert run.stop is Stop.QUICK
-
-
-def test_the_first_who_stops_a_step_is_told_and_the_hardest_stop_counts() -> None:
-    halt = Halt()
-    halt.check()
-    run = SimpleNamespace(stop=Stop.NO)
-    halt._run = run  # type: ignore[assignment]
-    for urgency, who in ((Stop.RAMP, "anna"), (Stop.QUICK, "eve"), (Stop.RAMP, "otto")):
-        halt.ask(urgency, who)
-    assert (halt.urgency, halt.why, run.stop) == (Stop.QUICK, "anna", Stop.QUICK)
-
-
-@pytest.mark.parametrize(("silent_s", "stops"), [(0.5, False), (0.51, True)])
-def test_a_step_ends_when_nobody_has_listened_for_half_a_second(silent_s: float, stops: bool) -> None:
-    now = [100.0]
-    halt = Halt(listens=True, now_s=lambda: now[0])
-    for _ in range(3):
-        now[0] += silent_s
-        assert halt.asked() is stops
-        halt.listened()
-    # One that nobody ever listens for is not silent.
-    assert not Halt(now_s=lambda: 1e9).asked()
-
-
-def test_a_run_ends_too_when_nobody_has_listened_for_half_a_second() -> None:
-    """Its program asks nobody: whoever looks at the run does."""
-    now = [100.0]
-    halt, run = Halt(listens=True, now_s=lambda: now[0]), SimpleNamespace(stop=Stop.NO)
-    observe = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), halt).observer()
-    halt._run = run  # type: ignore[assignment]
-    for wanted in (Stop.NO, Stop.RAMP):
-        observe(SimpleNamespace(time_s=0.0, angle_deg=0.0, speed_deg_s=0.0))  # type: ignore[arg-type]
-        assert run.stop is wanted
-        now[0] += 0.51
-
-
-def test_a_run_that_was_stopped_has_not_passed_however_it_ended() -> None:
-    """The stop came with its last move: what the run has shown is not what was asked for."""
-    halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
-    with pytest.raises(StepStopped, match="stopped by anna"), halt.stops(run):  # type: ignore[arg-type]
-        halt.ask(Stop.RAMP, "stopped by anna")
-    assert run.stop is Stop.RAMP
-    # Its run has ended: another request is for no axis any more.
-    run.stop = Stop.NO
-    halt.ask(Stop.QUICK, "")
-    assert run.stop is Stop.NO
-
-
-@pytest.mark.parametrize(
-    ("results", "shown"),
-    [
-        ({}, Judged.OPEN), ({"identity": P}, Judged.OPEN), ({"identity": F}, Judged.FAIL),
-        ({each.key: F if each.key == "brake" else P for each in STEPS}, Judged.FAIL),
-        ({each.key: N if each.key == "brake" else P for each in STEPS}, Judged.PASS),
-    ],
-)  # fmt: skip
-def test_the_report_shows_a_failed_step_as_failed(
-    monkeypatch: pytest.MonkeyPatch, results: dict[str, Outcome], shown: Judged
-) -> None:
-    verdicts: list[Any] = []
-    monkeypatch.setattr(report, "render_page", lambda page, head, verdict, *_: verdicts.append(verdict))
-    found = {key: StepResult(key, outcome, "") for key, outcome in results.items()}
-    report._page(Progress("m", "h", results=found), (), None, None)  # type: ignore[arg-type]
-    assert verdicts[0].judged is shown
-
-
-@pytest.mark.parametrize(
-    ("figure", "limit", "shown"),
-    [
-        (Figure(3.0), "", None), (Figure(3.0, low=5.0), "at least 5", Judged.FAIL),
-        (Figure(3.0, high=5.0), "at most 5", Judged.PASS), (Figure(3.0, 1.0, 2.5), "1 to 2.5", Judged.FAIL),
-        (Figure(3.0, 1.0, 5.0), "1 to 5", Judged.PASS), (Figure(None, high=5.0), "at most 5", Judged.FAIL),
-    ],
-)  # fmt: skip
-def test_a_report_holds_a_figure_against_its_limit_and_against_the_one_before(
-    figure: Figure, limit: str, shown: Judged | None
-) -> None:
-    row = report._row("ramp_deg_s2", figure, Figure(2.0))
-    value = "not measured" if figure.value is None else "3"
-    assert (row.name, row.value, row.unit) == ("ramp", value, "deg/s2")
-    assert (row.limit, row.judged, row.was) == (limit, shown, "2")
-    assert report._row("ramp_deg_s2", figure, None).was == ""
-
-
-def test_a_report_has_small_numbers_without_an_exponent() -> None:
-    """Nobody reads 1.3e-05 deg beside 0.0033."""
-    shown = [report._number(value) for value in (1.3e-5, -1.3e-5, 0.0033)]
-    assert shown == ["0.000013", "\N{MINUS SIGN}0.000013", "0.0033"]
-
-
-def test_a_report_has_each_limit_with_its_unit_and_what_was_not_measured_without() -> None:
-    figures = {
-        "ramp_deg_s2": Figure(5.3, low=5.1),
-        "torque_nm": Figure(None, high=70.0),
-        "way_deg": Figure(1.0),
-    }
-    progress = Progress("m", "h", results={"a": StepResult("a", P, "", figures)})
-    assert [tuple(row)[:3] for row in report._required((A, B), progress)] == [
-        ("a: ramp", "at least 5.1 deg/s2", "5.3 deg/s2"), ("a: torque", "at most 70 N m", "not measured")
-    ]  # fmt: skip
-
-
-def test_each_picture_of_a_step_has_a_name_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "recorded", lambda picture, name: (picture.title, name))
-    result = StepResult("a", P, "", pictures=(Picture("there", ()), Picture("back", ())))
-    assert report._drawn(result) == [("there", "a-0"), ("back", "a-1")]
-    assert report._drawn(None) == []
-
-
-def test_a_report_names_what_a_person_has_accepted_and_counts_what_lacks() -> None:
-    rows: Any = [SimpleNamespace(what=each.name, standing=each) for each in (*Standing, Standing.LACKING)]
-    results = {key: StepResult(key, outcome, "") for key, outcome in (("brake", F), ("sign", P), ("loop", P))}
-    view = report._view(Progress("m", "h", results=results), rows, None)
-    assert [row.what for row in view["accepted"]] == ["ACCEPTED"]
-    assert view["lacking"] == 2
-    # Of all steps but the two that are for a lack, which this drive has not.
-    count = len(STEPS)
-    words = [text for _, text, _ in view["tiles"]]
-    assert [int(number) for number, _, _ in view["tiles"]] == [2, 1, 0, count - 3]
-    assert words == ["steps passed", "step failed", "steps not testable here", "steps not done"]
-
-
-@pytest.mark.parametrize(
-    ("outcomes", "told"),
-    [
-        ({"a": F, "b": N}, "Failed: a; not done: d."), ({"a": P, "b": N}, "Not done: d."),
-        ({"a": P, "b": N, "d": F}, "Failed: d."), ({}, "Not done: a, b, d."),
-    ],
-)  # fmt: skip
-def test_a_report_names_what_has_failed_and_what_is_left(outcomes: dict[str, Outcome], told: str) -> None:
-    results = {key: StepResult(key, outcome, "") for key, outcome in outcomes.items()}
-    text = report._verdict(Progress("m", "h", results=results), False, (A, B, MAY, step("d")))
-    assert text == f"The machine may not move. {told}"
 
 
 @pytest.mark.parametrize(
@@ -641,31 +498,3 @@ def test_the_bus_is_left_by_whoever_reads_the_drive_before_it_is_set_up(
         with pytest.raises((AlarmStop, DeviceError)):
             work.start(again=False)
     assert closed == [1, 1]
-
-
-@pytest.mark.parametrize("earlier", [False, True])
-def test_a_report_stands_beside_what_the_one_before_it_has_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, earlier: bool
-) -> None:
-    seen: list[Progress | None] = []
-    monkeypatch.setattr(report, "_page", lambda progress, ledger, before, head: seen.append(before) or "page")
-    first, second = Progress("m", "first"), Progress("m", "second")
-    for progress in (first, second) if earlier else (second,):
-        report.write_report(progress, (), tmp_path, None)  # type: ignore[arg-type]
-    assert seen[-1] == (first if earlier else None)
-
-
-def test_a_complete_report_says_from_when_to_when_and_by_whom() -> None:
-    results = {
-        "a": StepResult("a", P, "", at="2026-11-02", by="anna"),
-        "b": StepResult("b", P, "", at="2026-11-05", by="otto"),
-        "c": StepResult("c", P, "", at="2026-11-03", by="anna"),
-    }
-    said = report._verdict(Progress("m", "h", results=results), True, (A, B, MAY))
-    assert "All 2 required steps" in said
-    assert said.endswith("Done from 2026-11-02 to 2026-11-05 by anna, otto.")
-    # A step of before that names nobody.
-    results["b"] = StepResult("b", P, "", at="2026-11-05")
-    assert report._verdict(Progress("m", "h", results=results), True, (A, B, MAY)).endswith(" by anna.")
-    alone = {"a": StepResult("a", P, "", at="2026-11-02")}
-    assert report._verdict(Progress("m", "h", results=alone), True, (A,)).endswith(" by nobody named.")

@@ -15,9 +15,13 @@ from gantryctl.commissioning.load_side.ring import (
     _Standing,
     _standing,
     over_the_travel,
+    zero_proposed,
 )
+from gantryctl.commissioning.results import Outcome
 from gantryctl.machine import with_values
 from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of
+
+RING = with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encoder.node": 4})
 
 
 def test_each_way_has_its_own_ratio() -> None:
@@ -97,3 +101,36 @@ def test_only_constant_speed_is_compared_over_the_travel() -> None:
     figures = encoders.compared()[1]
     assert figures["ring_reversal_deg"].value == pytest.approx(0.004)
     assert figures["ring_most_apart_deg"].value == pytest.approx(0.0205)
+
+
+@pytest.mark.parametrize(
+    ("ring_deg", "passes", "words"),
+    [
+        ((10.0, 11.5, 10.0), True, "is proposed"),
+        ((370.0, 371.5, 370.0), True, "is proposed"),
+        ((10.0, 8.5, 10.0), False, "inverted"),
+        ((10.0, 11.535, 10.0), False, "counts_per_turn"),
+        ((10.0, 11.45, 10.0), False, "counts_per_turn"),
+        # Forward only; slip to either side; a zero that is off to either side by more than 0.025 deg.
+        ((10.0, 11.5, 11.5), False, "counts_per_turn"),
+        ((10.0, 11.5, 13.0), False, "counts_per_turn"),
+        ((10.0, 11.51, 10.02), False, "counts_per_turn"),
+        ((10.0, 11.49, 9.98), False, "counts_per_turn"),
+        ((10.03, 11.53, 10.03), False, "is proposed"),
+        ((9.97, 11.47, 9.97), False, "is proposed"),
+        ((10.0, math.nan, 10.0), False, "counts_per_turn"),
+    ],
+)
+def test_the_ring_turns_with_the_motor(
+    ring_deg: tuple[float, float, float], passes: bool, words: str
+) -> None:
+    motor = (10.0, 11.5, 10.0)
+    found = _judged(RING, *(_Standing(m, r) for m, r in zip(motor, ring_deg, strict=True)))
+    assert (found.outcome is Outcome.PASSED) is passes
+    assert passes or words in found.to_do
+
+
+def test_the_proposed_zero_takes_the_difference_out() -> None:
+    """The ring shows 0.9 deg more than the motor: its zero lies 0.0025 of a turn higher."""
+    encoder = RING.can.load_encoder
+    assert zero_proposed(RING, 0.9) - encoder.zero_counts == round(0.0025 * encoder.counts_per_turn)

@@ -1,0 +1,96 @@
+"""The steps loop and bands, by hand: following error, moves that must be done, bands with their reserve."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gantryctl.commissioning import steps_motion
+from gantryctl.commissioning.results import Figure, Outcome, StepResult
+from unit.commissioning.hand_drive import (
+    MACHINE,
+    context,
+)
+
+pytestmark = pytest.mark.can
+
+
+class Recorded(dict[str, Any]):
+    """Columns of a trace."""
+
+
+@pytest.mark.parametrize(
+    ("error_deg", "done", "passes"),
+    [(0.01, True, True), (0.2, True, False), (-0.2, True, False), (0.01, False, False)],
+)
+def test_the_loop_follows_on_both_sides(
+    monkeypatch: pytest.MonkeyPatch, error_deg: float, done: bool, passes: bool
+) -> None:
+
+    speeds = np.array([0.0, 0.0, 0.01, 0.01, 0.0, 0.0, 0.0, 0.0])
+    errors = np.radians(np.array([0.009, 0.009, error_deg, 0.0, 0.008, 0.008, 0.001, -0.002]))
+    trace = Recorded(vel_ref_rad_s=speeds, pos_err_rad=errors)
+    monkeypatch.setattr(steps_motion, "_move", lambda *_, **__: (trace, done))
+    found = steps_motion.loop(context())
+    assert (found.outcome is Outcome.PASSED) is passes
+    # The second half of the rest after the move.
+    assert found.number("rest_error_deg") == pytest.approx(0.002)
+    assert found.number("following_error_deg") == pytest.approx(max(abs(error_deg), 0.009))
+
+
+@pytest.mark.parametrize(
+    ("dones", "done"), [((True, True), True), ((True, False), False), ((False, True), False)]
+)
+def test_every_move_must_be_done(
+    monkeypatch: pytest.MonkeyPatch, dones: tuple[bool, ...], done: bool
+) -> None:
+
+    left = list(dones)
+    asked: list[tuple[float, float]] = []
+
+    def move(target: float, speed: float) -> Any:
+        asked.append((target, speed))
+        run.angle_deg = target
+        return SimpleNamespace(done=left.pop(0))
+
+    run = SimpleNamespace(angle_deg=10.0, move=move)
+
+    @contextmanager
+    def recorded(c: object, part: str) -> Any:
+        yield run, SimpleNamespace(trace=Recorded)
+
+    monkeypatch.setattr(steps_motion, "_recorded_run", recorded)
+    assert steps_motion._move(context(), "", (1.0, 0.0), 0.6, by=True)[1] is done
+    # From where it stood, and back there.
+    assert asked == [(11.0, 0.6), (10.0, 0.6)]
+
+
+@pytest.mark.parametrize(
+    ("rest", "following", "passes"), [(0.0, 0.0, True), (1.0, 0.0, False), (0.0, 1.0, False)]
+)
+def test_bands_have_half_as_much_again(rest: float, following: float, passes: bool) -> None:
+    """1.4 and 1.6 in parts of what would just pass at 1.5."""
+    monitors = MACHINE.monitors
+    at_3 = monitors.following_error_base_deg + 3.0 * monitors.following_error_per_speed_s
+    results = {
+        "loop": StepResult(
+            "loop", Outcome.PASSED, "", {"rest_error_deg": Figure(monitors.in_position_window_deg / (1.6 - 0.2 * rest))}
+        ),
+        "turn": StepResult(
+            "turn", Outcome.PASSED, "",
+            {"following_error_deg": Figure(at_3 / (1.6 - 0.2 * following)), "speed_deg_s": Figure(3.0)},
+        ),
+    }  # fmt: skip
+    assert (steps_motion.bands(context(**results)).outcome is Outcome.PASSED) is passes
+    assert steps_motion.bands(context(loop=results["loop"])).outcome is Outcome.FAILED
+
+
+def test_a_stop_is_held_against_the_computed_one_and_60_ms() -> None:
+    figures: dict[str, Figure] = {}
+    steps_motion._add(context(), figures, "quick stop", 3.0, 1.0, 0.833)
+    assert figures["quick_stop_3_measured_deg"] == Figure(1.0, high=pytest.approx(1.013))
+    assert figures["quick_stop_3_computed_deg"] == Figure(0.833)
