@@ -118,7 +118,8 @@ class Progress:
         plain = {
             k: {**asdict(r), "seconds": 0, "axis_s": 0, "at": "", "by": ""} for k, r in self.results.items()
         }
-        text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
+        own = self.machine, self.proven_hash, self.drive, self.software, self.nodes
+        text = json.dumps([*own, plain], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -131,10 +132,8 @@ def load_progress(path: Path) -> Progress | None:
     if not path.exists():
         return None
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        # The hash follows from the results: a stored one could only disagree.
-        data.pop("hash", None)
-        return TypeAdapter(Progress).validate_python(data)
+        # A stored hash is not read: it follows from the results, and could only disagree.
+        return TypeAdapter(Progress).validate_python(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, AttributeError) as fault:
         raise StateError(
             f"{path}: cannot be read ({fault}); remove it to commission from the start"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -118,3 +120,21 @@ def test_a_brake_is_not_tested_by_a_drive_that_takes_no_torque(step: Any) -> Non
     found = step(steps_power, "brake", drive)
     assert (found.outcome, found.proof) == (Outcome.NOT_TESTABLE, str(untestable(MACHINE, False)))
     assert drive.wrote == []
+
+
+def test_the_next_test_is_due_from_the_power_up_of_this_one_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a test in operation: the 41st power-up of this machine, today."""
+    drive, kept = HandDrive(), list[Any]()
+
+    @contextmanager
+    def opened(c: object, leash_deg: float, part: str) -> Iterator[Any]:
+        axis = axis_of(drive, leash_deg)
+        axis.retained = replace(axis.retained, power_ups=41, brake_tests=6)
+        yield axis
+        kept.append(axis.retained)
+
+    monkeypatch.setattr(steps_power, "open_loop_axis", opened)
+    assert steps_power.brake(context()).outcome is Outcome.PASSED
+    assert [(each.brake_tested_power_ups, each.brake_tests, each.brake_failed) for each in kept] == [
+        (41, 7, "")
+    ]

@@ -295,6 +295,7 @@ def test_an_angle_that_is_read_but_not_valid_is_no_reference(
     monkeypatch.setattr(steps_bus, "read_only", lambda *_: nullcontext(seen))
     found = steps_bus.encoder(context())
     assert found.outcome is outcome
+    assert ("zero set by anna (mark)" in found.proof) is (outcome is Outcome.PASSED)
     margins = {name: figure.value for name, figure in found.figures.items()}
     assert margins == (
         {"margin_minus_deg": 90.0, "margin_plus_deg": 110.0} if outcome is Outcome.PASSED else {}
@@ -370,6 +371,7 @@ def test_a_table_of_parameters_says_what_was_wanted_and_what_was_read_back(
         ) for place, name, want, have, verdict in (
             ("6085:00", "quick stop", "5400", "5399", ParameterVerdict.OK),
             ("6080:00", "ceiling", "1239", "not there", ParameterVerdict.ABSENT),
+            ("6081:00", "profile speed", "2", "3", ParameterVerdict.UNKNOWN),
         )
     ]  # fmt: skip
     drive = bus_drive(0, 0)
@@ -382,9 +384,10 @@ def test_a_table_of_parameters_says_what_was_wanted_and_what_was_read_back(
     assert found.table is not None
     assert found.table.heads == ("object", "parameter", "wanted", "read back", "verdict")
     assert [row[:4] for row in found.table.rows] == [
-        ("6085:00", "quick stop", "5400", "5399"), ("6080:00", "ceiling", "1239", "not there")
+        ("6085:00", "quick stop", "5400", "5399"), ("6080:00", "ceiling", "1239", "not there"),
+        ("6081:00", "profile speed", "2", "3"),
     ]  # fmt: skip
-    assert found.proof.startswith("2 parameters read back as written")
+    assert found.proof.startswith("3 parameters read back as written")
     assert found.proof.endswith("this drive has no 6080:00")
     assert json.loads((tmp_path / "hust_can.drive.json").read_text(encoding="utf-8")) == {"6085:00": 5399}
 
@@ -421,3 +424,33 @@ def test_each_output_is_on_for_three_seconds_for_whoever_looks(monkeypatch: pyte
     assert [each for each in shown if each] == [(name,) for name in names for _ in range(750)]
     assert {output.request for output in drive.wrote} == {DriveRequest.DISABLE}
     assert found.proof.endswith("switched on for whoever looked: horn, lamp, in_position, at_rest")
+
+
+def test_an_input_that_has_changed_back_meanwhile_was_worked_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A push button at another bit: pressed for ten scans, and long over when the time of the right one ends."""
+    drive = bus_drive(0, 0)
+
+    def levels() -> dict[str, bool]:
+        return {"door_ok": True, "motion_permit": not 40 <= len(drive.wrote) < 50}
+
+    drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=levels))  # type: ignore[attr-defined]
+    monkeypatch.setattr(steps_bus, "_BY_HAND_S", 0.4)
+    assert judged(monkeypatch, "wiring", drive).proof.endswith("has not changed; motion_permit has")
+
+
+def test_each_input_is_asked_to_change_from_what_it_shows_when_its_turn_comes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The permit goes while a person is at the door: to work it is to give it, and to take it away again."""
+    drive = bus_drive(0, 0)
+
+    def levels() -> dict[str, bool]:
+        scans = len(drive.wrote)
+        return {"door_ok": not 40 <= scans < 60, "motion_permit": scans < 50 or 80 <= scans < 100}
+
+    drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=levels))  # type: ignore[attr-defined]
+    monkeypatch.setattr(steps_bus, "_BY_HAND_S", 0.4)
+    found = judged(monkeypatch, "wiring", drive)
+    assert found.proof.startswith("changed by hand, one after the other: door_ok, motion_permit")
+    # 25 scans of rest, the door until the 60th, the permit until the 100th; no scan is waited for more.
+    assert len(drive.wrote) == 100

@@ -282,6 +282,18 @@ def test_signs_of_life_with_an_old_picture_do_not_count(free_room: Room) -> None
     assert room.desk.halt.asked()
 
 
+def test_a_command_with_an_old_picture_is_no_sign_of_life_either(free_room: Room) -> None:
+    """Whatever it is: a page that hangs repeats what it has, and nobody looks at it."""
+    room = free_room
+    room.begun("velocity")
+    old = room.mark(ANNA)
+    room.lively = False
+    for _ in range(30):
+        room.go(0.05)
+        room.send(ANNA, "note", line="as before", frame=old)
+    assert "was silent" in room.desk.halt.why
+
+
 def test_a_desk_that_has_failed_ends_the_step(free_room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     free_room.begun("velocity")
 

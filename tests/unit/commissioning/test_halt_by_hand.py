@@ -53,10 +53,13 @@ def test_a_run_ends_too_when_nobody_has_listened_for_half_a_second() -> None:
     """Its program asks nobody: whoever looks at the run does."""
     now = [100.0]
     halt, run = Halt(listens=True, now_s=lambda: now[0]), SimpleNamespace(stop=Stop.NO)
-    observe = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), halt).observer()
+    watch = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), halt)
+    observe = watch.observer()
     halt._run = run  # type: ignore[assignment]
     for wanted in (Stop.NO, Stop.RAMP):
-        observe(SimpleNamespace(time_s=0.0, angle_deg=0.0, speed_deg_s=0.0))  # type: ignore[arg-type]
+        observe(SimpleNamespace(time_s=0.0, angle_deg=-90.5, speed_deg_s=0.25))  # type: ignore[arg-type]
+        # The program has the drive: only what people read is shown.
+        assert watch.seen == (-90.5, 0.25, None)
         assert run.stop is wanted
         now[0] += 0.51
 

@@ -40,6 +40,8 @@ def test_the_loop_follows_on_both_sides(
     # The second half of the rest after the move.
     assert found.number("rest_error_deg") == pytest.approx(0.002)
     assert found.number("following_error_deg") == pytest.approx(max(abs(error_deg), 0.009))
+    # 0.03 deg, and 0.012 s of the lowest speed, 0.6 deg/s.
+    assert found.figures["following_error_deg"].high == pytest.approx(0.0372)
 
 
 @pytest.mark.parametrize(

@@ -236,6 +236,8 @@ def test_a_sound_axis_goes_on_behind_a_scan_that_was_held_up() -> None:
         ({"age_scans": 8}, True),
         ({"inputs_age_scans": 8}, True),
         ({"link": LinkFlag.SYNC_JITTER}, False),
+        # `enable` tells more of it than a disturbed connection.
+        ({"link": LinkFlag.NEVER_FOLLOWED}, False),
         ({"link": LinkFlag.IO_LOST}, True),
         ({"link": LinkFlag.OTHER_MASTER}, True),
         ({"link": LinkFlag.TWO_SENDERS}, True),
@@ -362,6 +364,16 @@ def test_a_fault_counts_as_reset_when_the_drive_is_back() -> None:
     axis.reset()
 
 
+@pytest.mark.parametrize("state", [S.FAULT_REACTION_ACTIVE, S.UNKNOWN, S.READY_TO_SWITCH_ON])
+def test_a_fault_that_shows_another_state_on_its_way_is_reset_on(state: DriveState) -> None:
+    """Five scans of it, then the drive is ready for the next step."""
+    drive = HandDrive()
+    axis = axis_of(drive)
+    drive.spoil = lambda seen: seen._replace(state=state if len(drive.wrote) <= 5 else S.SWITCH_ON_DISABLED)
+    axis.reset()
+    assert [output.request for output in drive.wrote] == [DriveRequest.FAULT_RESET] * 6
+
+
 def test_a_bit_12_that_is_always_1_is_told() -> None:
     drive = HandDrive()
     drive.settings.follows_bit, drive.process.statusword = True, 0x1240
@@ -374,8 +386,11 @@ def test_a_bit_12_that_is_always_1_is_told() -> None:
     for status in (0x1240, 0x1240, 0x0240) * 5:
         drive.process.statusword = status
         axis.run(PERIOD_S, DriveRequest.DISABLE)
+    # Nor where the machine file says that the bit means nothing.
+    drive.settings.follows_bit, drive.process.statusword = False, 0x1240
+    axis.run(10 * PERIOD_S, DriveRequest.DISABLE)
     # Enabled it is what it should be.
-    drive.process.statusword = 0x1240
+    drive.settings.follows_bit = True
     axis = axis_of(drive)
     axis.enable()
     axis.run(0.1)
@@ -450,3 +465,42 @@ def test_after_a_silence_the_fault_that_it_caused_is_cleared(state: DriveState, 
     assert any(output.request is DriveRequest.FAULT_RESET for output in drive.wrote) is resets
     # Nothing is asked for before.
     assert {output.request for output in drive.wrote[:25]} == {DriveRequest.DISABLE}
+
+
+def test_a_ramp_begins_at_the_speed_of_the_axis_and_not_at_the_one_commanded() -> None:
+    """A drive that turns at 0.95 of 0.3 deg/s: down from 0.285 in 72 scans, 0.0039583 deg/s in each."""
+    drive, axis = enabled(way=0.95, shown=0.95)
+    axis.run(0.2, speed_deg_s=0.3)
+    drive.wrote.clear()
+    axis.ramp_to(0.0, 1.0)
+    told = [math.degrees(output.vel_cmd_rad_s) / 1144 for output in drive.wrote]
+    assert told == pytest.approx([0.285 * (71 - k) / 72 for k in range(72)], abs=1e-9)
+
+
+def test_the_way_commanded_counts_from_the_first_command_on() -> None:
+    """0.3 deg/s are 0.0012 deg in a scan, and 0.095 deg apart are allowed: the 80th is one too many."""
+    drive, axis = enabled()
+    drive.spoil = lambda seen: seen._replace(pos_act_counts=0)
+    axis.run(79 * PERIOD_S, speed_deg_s=0.3)
+    with pytest.raises(AlarmStop, match=r"\+0\.000 deg, \+0\.096 deg were commanded, 0\.095 deg apart"):
+        axis.scan(ENABLE, 0.3)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("late_scans", [0, 3])
+def test_a_drive_that_follows_at_once_is_in_the_band_as_one_that_follows_four_scans_later(
+    monkeypatch: pytest.MonkeyPatch, direction: float, late_scans: int
+) -> None:
+    """From 1 deg/s to 0 in a scan, where 0.5 deg/s beside the command are allowed for a scan."""
+    quick = with_values(MACHINE, {"monitors.velocity_deviation_time_ms": 1.0})
+    monkeypatch.setattr(hand_drive, "MACHINE", quick)
+    drive, axis = enabled()
+    axis.ramp_to(direction, 5.0)
+    begun, before = len(drive.wrote), math.radians(direction) * 1144
+
+    def spoil(seen: DriveFeedback) -> DriveFeedback:
+        late = len(drive.wrote) - begun <= late_scans
+        return seen._replace(vel_act_rad_s=before) if late else seen
+
+    drive.spoil = spoil
+    axis.run(0.1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -84,6 +85,12 @@ def test_where_a_step_has_left_the_shaft_is_where_it_is_looked_for_next(
         opened.drive.deg = turned / COUNTS_PER_DEG
     (retained,) = opened.kept
     assert retained.rest_position_counts == kept
+
+
+def test_what_a_step_has_learned_of_the_machine_is_kept(opened: SimpleNamespace) -> None:
+    with open_loop_axis.open_loop_axis(context(), 1.0) as axis:
+        axis.retained = replace(axis.retained, brake_tests=7)
+    assert [retained.brake_tests for retained in opened.kept] == [7]
 
 
 def test_reasons_of_the_bus_are_those_that_commissioning_does_not_take_away(

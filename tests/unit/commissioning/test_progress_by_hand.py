@@ -53,7 +53,7 @@ def test_proofs_of_another_configuration_do_not_count(
 
 
 def test_two_commissionings_that_showed_the_same_have_one_hash() -> None:
-    """Whoever did it, and when: of another machine, configuration, drive, outcome, proof or figure it is another."""
+    """Whoever did it, and when; of another machine, file, drive, firmware, node, proof or figure it is another."""
     result = StepResult("ramp", P, "as it was", {"dec_deg_s2": Figure(5.4)})
     first = Progress("m", "h", "d", results={"ramp": result})
 
@@ -63,9 +63,10 @@ def test_two_commissionings_that_showed_the_same_have_one_hash() -> None:
     assert hash_with(seconds=7.0, axis_s=3.0, at="2026-11-20", by="eve") == first.hash
     others = [
         hash_with(outcome=F), hash_with(proof="not as it was"), hash_with(figures={"dec_deg_s2": Figure(5.3)}),
-        *(replace(first, **{name: "x"}).hash for name in ("machine", "proven_hash", "drive")),
+        *(replace(first, **{name: "x"}).hash for name in ("machine", "proven_hash", "drive", "software")),
+        replace(first, nodes=("x",)).hash,
     ]  # fmt: skip
-    assert len({first.hash, *others}) == 7
+    assert len({first.hash, *others}) == 9
 
 
 @pytest.mark.parametrize(
@@ -432,6 +433,9 @@ def test_a_result_has_the_time_of_the_axis_and_of_the_person(tmp_path: Path) -> 
         result = work.do(Step("a", "", "", "", run, lasts_s=lambda machine: 20.0))
     assert result is not None
     assert (result.seconds, result.axis_s, result.by) == (2.0, 7.0, "anna")
+    # 7 of the 20 s that such a step takes.
+    assert work.watch is not None
+    assert work.watch.meter.part == pytest.approx(0.35)
 
 
 def test_only_what_a_person_has_accepted_is_accepted_in_the_record(

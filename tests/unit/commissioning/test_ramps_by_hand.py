@@ -75,7 +75,10 @@ def test_what_a_ramp_would_load_stands_beside_what_motor_and_reducer_bear(
 def test_the_loads_are_those_of_a_stop_from_the_highest_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ramp of 0.25 s: 1.2 deg/s2 from 0.3 deg/s may be a fixed one; with 2.4 from 0.6 deg/s it is 24 from 6 deg/s."""
     ramps = Ramps(monkeypatch, *((speed / 0.25, 0.0) for speed in (0.3, 0.6, 1.0, 2.0, 3.0)))
-    steps_lacks.ramp(context(with_values(MACHINE, {"speed.setting_max_deg_s": 6.0})))
+    found = steps_lacks.ramp(context(with_values(MACHINE, {"speed.setting_max_deg_s": 6.0})))
+    # Each speed has the ramp that was seen from it.
+    names = [f"ramp_{speed}_deg_s2" for speed in ("0p3", "0p6", "1", "2", "3")]
+    assert [found.number(name) for name in names] == pytest.approx([1.2, 2.4, 4.0, 8.0, 12.0])
     assert ramps.computed == [
         (StopClass.QUICK, 6.0, pytest.approx(hardest)) for hardest in (1.2, 24.0, 24.0, 24.0, 24.0)
     ]
@@ -125,3 +128,13 @@ def test_no_harder_ramp_is_proposed_than_was_seen(monkeypatch: pytest.MonkeyPatc
     found = steps_lacks.ramp(context())
     assert found.outcome is Outcome.FAILED
     assert "quick_dec_deg_s2 = 4.9 at most" in found.to_do
+
+
+def test_a_ramp_that_is_too_hard_from_a_higher_speed_ends_the_step_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ramps = Ramps(monkeypatch, (5.4, 0.0), (float("nan"), 0.0))
+    found = steps_lacks.ramp(context())
+    assert found.outcome is Outcome.FAILED
+    assert found.proof == "the ramp from 0.6 deg/s ends within three scans: too hard to be measured"
+    assert ramps.speeds == [0.3, -0.6]

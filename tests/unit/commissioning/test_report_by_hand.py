@@ -64,6 +64,18 @@ def test_a_report_holds_a_figure_against_its_limit_and_against_the_one_before(
     assert report._row("ramp_deg_s2", figure, None).was == ""
 
 
+def test_a_step_stands_beside_the_same_step_of_the_report_before() -> None:
+    """Of another step with a figure of that name nothing is said."""
+
+    def shown(**values: float) -> Progress:
+        results = {key: StepResult(key, P, "", {"way_deg": Figure(value)}) for key, value in values.items()}
+        return Progress("m", "h", results=results)
+
+    now, before = shown(a=1.0, b=2.0), shown(d=4.0, b=3.0)
+    was = {key: report._figures(result, before)[0].was for key, result in now.results.items()}
+    assert was == {"a": "", "b": "3"}
+
+
 def test_a_report_has_small_numbers_without_an_exponent() -> None:
     """Nobody reads 1.3e-05 deg beside 0.0033."""
     shown = [report._number(value) for value in (1.3e-5, -1.3e-5, 0.0033)]

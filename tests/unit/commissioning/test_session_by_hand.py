@@ -44,19 +44,27 @@ class Desk:
 
 
 def session(desk: Desk, **work: Any) -> tuple[Any, SimpleNamespace]:
-    seen = SimpleNamespace(words={}, notes=[], refused=[])
+    seen = SimpleNamespace(words={}, notes=[], refused=[], ended_before=[])
+
+    def show(work: object, note: str = "") -> None:
+        seen.notes.append(note)
+        seen.ended_before.append("step_ended" in desk.did)
+
     made: Any = object.__new__(Session)
     made._machine = SimpleNamespace(name="m")
     made._memory = SimpleNamespace(words=seen.words, alarms=None)
     made._board = SimpleNamespace(
-        show=lambda work, note="": seen.notes.append(note),
+        show=show,
         refuse=lambda machine, why: seen.refused.append(why),
     )
     made.desk, made._work = desk, SimpleNamespace(**work)
     return made, seen
 
 
-@pytest.mark.parametrize(("outcome", "kind"), [(Outcome.PASSED, "command"), (Outcome.FAILED, "alarm")])
+@pytest.mark.parametrize(
+    ("outcome", "kind"),
+    [(Outcome.PASSED, "command"), (Outcome.FAILED, "alarm"), (Outcome.NOT_TESTABLE, "command")],
+)
 def test_a_step_that_has_failed_is_an_alarm_in_the_journal(outcome: Outcome, kind: str) -> None:
     desk, halts = Desk(), list[object]()
 
@@ -68,6 +76,8 @@ def test_a_step_that_has_failed_is_an_alarm_in_the_journal(outcome: Outcome, kin
     made._do(STEP)
     assert desk.told == [("command", "step brake began"), (kind, f"step brake {outcome.value}: as it was")]
     assert (desk.did, seen.notes, halts) == (["step_ended"], [""], [desk.halt])
+    # Its turn is over when its result is on the board, by which the next one is judged.
+    assert seen.ended_before == [False]
 
 
 def test_a_step_that_a_person_has_stopped_is_told_on_the_board() -> None:
@@ -85,6 +95,8 @@ def test_a_step_that_a_person_has_stopped_is_told_on_the_board() -> None:
 def test_without_a_drive_no_step_is_offered(fault: DeviceError | None) -> None:
     def start(*, again: bool) -> None:
         assert not again
+        # No step may begin while the drive is being set up.
+        assert desk.did == []
         if fault is not None:
             raise fault
 
@@ -166,9 +178,10 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
     handlers: dict[int, Any] = {}
     ended: list[str] = []
     logs: list[object] = []
-    memory = SimpleNamespace(words={Word.SUPERVISOR: 1}, frames="the frames")
+    parents: list[int] = []
+    memory = SimpleNamespace(words={Word.SUPERVISOR: 4711}, frames="the frames")
     stand_ins = {
-        "SharedMemory": lambda _: memory, "die_with_parent": lambda _: None, "need": lambda _: None,
+        "SharedMemory": lambda _: memory, "die_with_parent": parents.append, "need": lambda _: None,
         "load_machine": lambda path: path, "config_hash": lambda _: hashed, "signal": SimpleNamespace(
             SIGTERM=1, SIGINT=2, SIGHUP=3, signal=handlers.__setitem__
         ),
@@ -190,6 +203,8 @@ def test_a_machine_file_that_has_changed_since_the_service_began_is_not_commissi
         process.main(arguments[:-1])
         assert ran == [True, False]
         assert logs == [("log of", "the frames")] * 2
+        # Nobody is left behind who moves an axis that no page shows.
+        assert parents == [4711] * 2
         # Whatever ends the process ends the step first.
         assert sorted(handlers) == [1, 2, 3]
         for number, handler in handlers.items():

@@ -126,6 +126,12 @@ def test_a_ramp_of_three_scans_is_not_measured() -> None:
     assert math.isnan(stopped(1.0, quick_dec=200.0).dec_deg_s2)
 
 
+@pytest.mark.parametrize(("within", "measured"), [([8.0, 6.0], False), ([8.0, 6.0, 4.0], True)])
+def test_a_ramp_needs_three_scans_between_its_ends(within: list[float], measured: bool) -> None:
+    """Below 9 and above 2 of 10 deg/s."""
+    assert math.isfinite(_deceleration([10.0, *within, 1.0, 0.0], 10.0, 1.0)) is measured
+
+
 @pytest.mark.parametrize(("dec", "passes"), [(5.4, True), (6.0, True), (7.0, False), (300.0, False)])
 def test_a_quick_stop_harder_than_the_checked_one_fails(
     monkeypatch: pytest.MonkeyPatch, dec: float, passes: bool
@@ -193,12 +199,17 @@ def test_a_run_of_a_step_is_closed_with_what_stopped_it(
     monkeypatch.setattr(steps_motion, "AxisRun", lambda *_, **__: run)
     monkeypatch.setattr(steps_motion, "_samples", lambda _: [])
     alarm = AlarmStop("CAN-03")
+    c = context()
+    drawn: list[object] = []
+    monkeypatch.setattr(c.watch, "draw", lambda *given: drawn.append(given))
     if stopped:
-        with pytest.raises(AlarmStop), steps_motion._recorded_run(context(), "there"):
+        with pytest.raises(AlarmStop), steps_motion._recorded_run(c, "there"):
             raise alarm
     else:
-        with steps_motion._recorded_run(context(), "there"):
+        with steps_motion._recorded_run(c, "there"):
             did.append("moved")
+    # What moved has its picture, whatever ended it.
+    assert drawn == [("there", [])]
     assert did == ([("commissioning", alarm)] if stopped else ["moved", "down", ("commissioning", None)])
 
 
@@ -294,6 +305,7 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
 
     @contextmanager
     def at_speed(c: object, what: str, speed: float, way_deg: float) -> Iterator[SimpleNamespace]:
+        did.append(("leash", way_deg))
         yield SimpleNamespace(drive=None, wake=lambda: did.append("awake"))
 
     def fall(axis: object, silent: silence.Silence, speed: float) -> silence.SilentDrive:
@@ -320,7 +332,9 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
     assert asked == [0.05]
     # 60 ms of reaction at 1 deg/s more than computed, and 1 / 5.4 s of ramp; the fault is cleared behind a stop.
     permitted = (tuple(silence.Way), 0.05, pytest.approx(0.16), pytest.approx(0.18519, abs=1e-5), -1.0)
-    assert did == [permitted, *(["awake"] if stopped else [])]
+    # The leash is no part of the proof: 4 deg, in which the room wants the gantry to stop.
+    leash = ("leash", 4.0)
+    assert did == [leash, permitted, *(["awake"] if stopped else [])]
 
 
 @pytest.mark.parametrize("speed", [1.0, -3.0])
