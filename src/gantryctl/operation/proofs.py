@@ -31,7 +31,7 @@ class CommissioningRecord:
     """Drive and configuration that `gantryctl commission` has proven, and the report that shows it.
 
     Attributes:
-        drive: vendor, product and serial number of object 1018.
+        drive: vendor, product and serial number of object 1018. software: its firmware.
         nodes: node id and the same of each node beside the drive.
         steps: those that have passed.
         accepted: rows of the ledger that a person has accepted, in words.
@@ -144,7 +144,7 @@ def bus_reasons(
     # A relay outside of the drive does not change with a boot-up of the drive.
     watches = any(row.proof == SILENCE_STEP for row in rows)
     why = (
-        why_not_commissioned(machine, record, health.drive_key, rows, health.node_keys),
+        why_not_commissioned(machine, record, health, rows),
         why_silence_not_proven(proof, health) if watches else None,
     )
     return tuple(
@@ -192,7 +192,7 @@ def read_ledger(
 
 def _recorded(machine: Machine, facts: DriveFacts | None, record: CommissioningRecord | None) -> Proofs:
     """What a record shows of this drive in this configuration."""
-    if record is None or facts is None or facts.key != record.drive:
+    if record is None or facts is None or (facts.key, facts.software) != (record.drive, record.software):
         return Proofs()
     if record.proven_hash != proven_hash(machine):
         return Proofs()
@@ -284,17 +284,21 @@ def ledger_notes(machine: Machine, rows: tuple[LedgerRow, ...]) -> tuple[str, ..
 def why_not_commissioned(
     machine: Machine,
     record: CommissioningRecord | None,
-    drive_key: str,
+    health: LinkHealth,
     rows: tuple[LedgerRow, ...] = (),
-    node_keys: tuple[str, ...] = (),
 ) -> Words | Said | None:
     """Say what the record lacks for this drive, the nodes beside it and this configuration; None when it fits."""
     if record is None:
         return Words.NO_RECORD(machine=machine.name)
-    if record.drive != drive_key:
-        return Words.OTHER_DRIVE(drive=drive_key, machine=machine.name, proven=record.drive)
-    if record.nodes != node_keys:
-        nodes, proven = (", ".join(keys) or "-" for keys in (node_keys, record.nodes))
+    # Another firmware of the same drive may do anything else.
+    drive, proven = (
+        f"{key} firmware {software or '-'}"
+        for key, software in ((health.drive_key, health.software), (record.drive, record.software))
+    )
+    if drive != proven:
+        return Words.OTHER_DRIVE(drive=drive, machine=machine.name, proven=proven)
+    if record.nodes != health.node_keys:
+        nodes, proven = (", ".join(keys) or "-" for keys in (health.node_keys, record.nodes))
         return Words.OTHER_NODES(nodes=nodes, machine=machine.name, proven=proven)
     if record.proven_hash != proven_hash(machine):
         return Words.CONFIGURATION_CHANGED(machine=machine.name, date=record.date)

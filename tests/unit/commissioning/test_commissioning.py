@@ -13,6 +13,7 @@ from gantryctl.drives.canopen.setup.parameters import save
 from gantryctl.drives.profiles.profile import Saving
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import CommandRefused, UsageError
+from gantryctl.image import LinkHealth, NodeHealth
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.proofs import (
     SilentMasterProof,
@@ -289,13 +290,14 @@ def test_the_record_is_of_one_drive_and_one_configuration(tmp_path: Path) -> Non
     work, store = commissioning(tmp_path)
     record = load_record(work.record())
     assert record is not None
-    drive = work.progress.drive
+    drive = LinkHealth(work.progress.drive, work.progress.software)
     other = with_values(MACHINE, {"can.node": 3})
     assert not why_not_commissioned(MACHINE, record, drive)
-    assert "was commissioned with" in str(why_not_commissioned(MACHINE, record, "another drive"))
+    for another in (drive._replace(drive_key="another drive"), drive._replace(software="another firmware")):
+        assert "was commissioned with" in str(why_not_commissioned(MACHINE, record, another))
     assert "configuration has changed" in str(why_not_commissioned(other, record, drive))
     assert "nodes beside the drive are 3 A-B-1" in str(
-        why_not_commissioned(MACHINE, record, drive, node_keys=("3 A-B-1",))
+        why_not_commissioned(MACHINE, record, drive._replace(nodes=(NodeHealth(3, "A-B-1", 0, 0, 0),)))
     )
     assert "no commissioning record" in str(why_not_commissioned(MACHINE, None, drive))
     assert record_path(store.directory, MACHINE).name == "hust_can.commissioned.toml"

@@ -170,16 +170,18 @@ def test_a_modulo_axis_stands_where_it_rested_and_what_it_has_moved_since(turned
 # --- proofs -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_record_shows_nothing_of_another_drive_or_configuration() -> None:
+def test_a_record_shows_nothing_of_another_drive_firmware_or_configuration() -> None:
     machine: Machine = default_machine()
     record = CommissioningRecord(
         machine.name, proofs.proven_hash(machine), "A", "1.0", (), "2026-01-01", "x", "", ("ramp",), (),
         {"quick_stop_dec_deg_s2": 3.0},
     )  # fmt: skip
-    same: Any = SimpleNamespace(key="A")
-    other: Any = SimpleNamespace(key="B")
+    same: Any = SimpleNamespace(key="A", software="1.0")
+    other: Any = SimpleNamespace(key="B", software="1.0")
+    newer: Any = SimpleNamespace(key="A", software="1.1")
     assert proofs._recorded(machine, same, record).measured == {"quick_stop_dec_deg_s2": 3.0}
     assert not proofs._recorded(machine, other, record).measured
+    assert not proofs._recorded(machine, newer, record).measured
     assert not proofs._recorded(machine, None, record).measured
     assert not proofs._recorded(machine, same, replace(record, proven_hash="-")).passed
 

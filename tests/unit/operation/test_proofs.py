@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import StateError
-from gantryctl.image import DriveState, LinkHealth
+from gantryctl.image import DriveState, LinkHealth, NodeHealth
 from gantryctl.operation import proofs, run
 from gantryctl.operation.ledger.acceptance import proven_hash
 from gantryctl.operation.ledger.rows import LedgerRow, Standing
@@ -41,23 +41,36 @@ RECORD = CommissioningRecord(
 )
 
 
+def health(drive: str = "A", software: str = "1.0", nodes: tuple[str, ...] = ("5 X", "6 Y")) -> LinkHealth:
+    beside = tuple(NodeHealth(int(number), key, 0, 0, 0) for number, key in map(str.split, nodes))
+    return LinkHealth(drive, software, nodes=beside)
+
+
 @pytest.mark.parametrize(
-    ("record", "drive", "nodes", "words"),
+    ("record", "now", "words"),
     [
-        (RECORD, "A", ("5 X", "6 Y"), None),
-        (None, "A", ("5 X", "6 Y"), Words.NO_RECORD),
-        (RECORD, "B", ("5 X", "6 Y"), Words.OTHER_DRIVE),
-        (RECORD, "A", ("5 X", "6 Z"), Words.OTHER_NODES),
-        (RECORD, "A", ("5 X",), Words.OTHER_NODES),
-        (RECORD, "A", ("5 X", "6 Y", "7 Z"), Words.OTHER_NODES),
-        (replace(RECORD, proven_hash="other"), "A", ("5 X", "6 Y"), Words.CONFIGURATION_CHANGED),
+        (RECORD, {}, None),
+        (None, {}, Words.NO_RECORD),
+        (RECORD, {"drive": "B"}, Words.OTHER_DRIVE),
+        (RECORD, {"software": "1.1"}, Words.OTHER_DRIVE),
+        (RECORD, {"software": ""}, Words.OTHER_DRIVE),
+        (RECORD, {"nodes": ("5 X", "6 Z")}, Words.OTHER_NODES),
+        (RECORD, {"nodes": ("5 X",)}, Words.OTHER_NODES),
+        (RECORD, {"nodes": ("5 X", "6 Y", "7 Z")}, Words.OTHER_NODES),
+        (replace(RECORD, proven_hash="other"), {}, Words.CONFIGURATION_CHANGED),
     ],
 )
-def test_a_record_is_of_one_drive_its_nodes_and_one_configuration(
-    record: Any, drive: str, nodes: Any, words: Any
+def test_a_record_is_of_one_drive_with_its_firmware_its_nodes_and_one_configuration(
+    record: Any, now: dict[str, Any], words: Any
 ) -> None:
-    why = why_not_commissioned(REAL, record, drive, (), nodes)
+    why: Any = why_not_commissioned(REAL, record, health(**now))
     assert (None if why is None else why.words) is words
+
+
+def test_another_firmware_is_told_with_that_of_the_record() -> None:
+    why = str(why_not_commissioned(REAL, RECORD, health(software="1.1")))
+    assert "the drive on the bus is A firmware 1.1" in why
+    assert why.endswith("was commissioned with A firmware 1.0")
 
 
 @pytest.mark.parametrize(
@@ -68,7 +81,7 @@ def test_each_step_that_is_missing_is_named(lacking: tuple[str, ...], steps: str
         LedgerRow("has", Standing.PROVEN, proof="silence"),
         *(LedgerRow(each, Standing.LACKING, proof=each) for each in lacking),
     )
-    why: Any = why_not_commissioned(REAL, RECORD, "A", rows, ("5 X", "6 Y"))
+    why: Any = why_not_commissioned(REAL, RECORD, health(), rows)
     assert why == (None if steps is None else Words.STEPS_MISSING(steps=steps))
 
 
@@ -146,7 +159,7 @@ def test_only_rows_that_are_too_slow_are_named_as_that() -> None:
 
 
 def test_a_machine_without_nodes_is_told_with_a_dash() -> None:
-    why = why_not_commissioned(REAL, RECORD, "A", (), ())
+    why = why_not_commissioned(REAL, RECORD, health(nodes=()))
     assert why is not None
     assert why.values["nodes"] == "-"
 

@@ -167,7 +167,7 @@ def test_steps_that_are_missing_are_named_once_each() -> None:
         LedgerRow(what, Standing.LACKING, "", Clauses((Words.LEDGER_MOTION_TO_SHOW,)), step)
         for what, step in (("a", "sign"), ("b", "silence"), ("c", "sign"))
     )
-    why = proofs.why_not_commissioned(REAL, record, "A", rows)
+    why = proofs.why_not_commissioned(REAL, record, LinkHealth("A", "1"), rows)
     assert why is not None
     assert "sign, silence" in str(why)
 
