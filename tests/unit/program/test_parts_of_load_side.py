@@ -1,6 +1,7 @@
 """The second encoder, and the turns of a modulo axis behind it; by a law that shows what it was given."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -11,6 +12,8 @@ from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.settings import CompensationSettings
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+from unit.program.rig import Rig
+from unit.program.test_modulo import modulo
 
 approx = pytest.approx
 TURN_COUNTS = 360_000.0
@@ -219,3 +222,30 @@ def test_the_laws_go_over_to_the_next_turn_beyond_0_6_of_it(way):
         parts.virtual.pos_ref_rad = way * ref_rad
         side.scan(parts.virtual, 0.0)
         assert law.turned_rad == turned
+
+
+class Plain(Law):
+    """The bare law, in the form of one with memory."""
+
+    def scan(self, law, ref, vel, acc, counts, ring, torque):
+        super().scan(law, ref, vel, acc, counts, ring, torque)
+        return *law.scan(ref, vel, counts), 0.0, 0.0, 0.0
+
+    scan_again = scan
+
+    def resting_position(self, law, counts):
+        return law.scan(0.0, 0.0, counts)[1]
+
+
+@BOTH
+def test_laws_keep_their_angles_when_the_zero_of_the_axis_moves_on(way):
+    """By 300 deg: at 216 deg they count from the next turn; at rest the zero moves on by it, and the angles stay."""
+    law = Plain()
+    rig = Rig(config=replace(modulo(), compensation=CompensationSettings(law)))
+    rig.power_up()
+    command = rig.axis.motion.move_relative(way * rad(300.0), rad(360.0))
+    rig.until(lambda: not command.alive, 5.0)
+    rig.run(0.1)
+    assert rig.ref_deg == approx(-60.0 * way)
+    assert [deg(angle) for angle in law.turned_rad] == approx([360.0 * way])
+    assert deg(law.asked[-1].ref) == approx(-60.0 * way)

@@ -1,5 +1,8 @@
 """Times become scans, and ramps of one motion those of the machine."""
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from gantryctl.program.settings import RampSettings
@@ -43,3 +46,12 @@ def test_ramps_of_one_motion_are_the_machines_but_for_what_is_given(given, kept)
     below = ramps.below(*given)
     assert (below.acc_rad_s2, below.dec_rad_s2, below.jerk_rad_s3) == kept
     assert below.jog_release(6.0).dec_rad_s2 == 10.0
+
+
+@pytest.mark.parametrize(("over_rad", "shown_rad"), [(math.pi, -math.pi), (3.0, 2.0 * math.pi - 3.0)])
+def test_a_limit_has_its_sign_where_both_ends_of_travel_read_alike(over_rad, shown_rad):
+    """As people read angles within a turn, -180 deg is 180 deg, which the other end is."""
+    travel = replace(
+        settings().travel, over_travel_min_rad=-over_rad, over_travel_max_rad=over_rad, read_within_turn=True
+    )
+    assert travel.read_end_rad(-over_rad) == pytest.approx(shown_rad)

@@ -6,7 +6,7 @@ import math
 from typing import Final, assert_never
 
 from gantryctl._core import PositionLaw, new_image
-from gantryctl.image import DriveFeedback, InputImage, OutputImage, StopCause, SystemStop
+from gantryctl.image import InputImage, OutputImage, StopCause, SystemStop
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -139,7 +139,7 @@ class Axis:
         self.time_s = alarms.time_s = time_s
         # Before the feedback is judged: what a stall has done to the bus is a consequence of it.
         if stop is not None and stop is not self.system_stop:
-            self._stopped_by_engine(stop, drive)
+            self._stopped_by_engine(stop)
         feedback.scan(drive, self.vel_cmd_rad_s)
         counts = feedback.counts - self.zero_counts
         virtual.changed = False
@@ -383,10 +383,9 @@ class Axis:
         self._unfollow()
         return 0.0, torque_nm if torque_ok else 0.0
 
-    def _stopped_by_engine(self, stop: SystemStop, drive: DriveFeedback) -> None:
-        """Raise the alarm of a stop that the engine asks for, at the angle of this scan: the last one is long past."""
+    def _stopped_by_engine(self, stop: SystemStop) -> None:
+        """Raise the alarm of a stop that the engine asks for; `_react` gives it the angle of this scan."""
         self.system_stop = stop
-        _, self.alarms.pos_rad, _ = self._law(0.0, 0.0, drive.pos_act_counts - self.zero_counts)
         match stop.cause:
             case StopCause.FROZEN:
                 self.alarms.raise_(Code.SYS_03, late_s=stop.measured, limit_s=stop.limit)
