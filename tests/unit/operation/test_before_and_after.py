@@ -183,6 +183,7 @@ def test_a_record_shows_nothing_of_another_drive_firmware_or_configuration() -> 
     assert not proofs._recorded(machine, other, record).measured
     assert not proofs._recorded(machine, newer, record).measured
     assert not proofs._recorded(machine, None, record).measured
+    assert not proofs._recorded(machine, same, None).measured
     assert not proofs._recorded(machine, same, replace(record, proven_hash="-")).passed
 
 

@@ -30,6 +30,7 @@ from gantryctl.operation.proofs import (
     why_silence_not_proven,
 )
 from gantryctl.operation.run import AxisRun
+from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.reason import ClearedBy
 from gantryctl.program.alarms.words import Words
 
@@ -152,10 +153,21 @@ def test_what_persons_have_accepted_and_what_limits_the_speed_is_told(
 
 
 def test_only_rows_that_are_too_slow_are_named_as_that() -> None:
-    rows = (row(Standing.PROVEN, 0.5), row(Standing.PROVEN, 5.4))
+    """0.6 deg/s is the lowest setting itself."""
+    rows = (row(Standing.PROVEN, 0.5), row(Standing.PROVEN, 0.6), row(Standing.PROVEN, 5.4))
     (reason,) = ledger_reasons(REAL, rows)
     assert "PROVEN 0.5" in str(reason.values["lacks"])
+    assert "0.6" not in str(reason.values["lacks"])
     assert "5.4" not in str(reason.values["lacks"])
+
+
+@pytest.mark.parametrize(("real", "codes"), [(True, [Code.CFG_CAN_04]), (False, [])])
+def test_a_lack_of_a_real_drive_counts_whatever_the_machine_file_says_of_it(
+    real: bool, codes: list[Code]
+) -> None:
+    """As an EDS is judged by the file of a machine with a virtual drive: a person would have to accept the lack."""
+    lack = LedgerRow("limits_torque", Standing.LACKING, acceptable=True)
+    assert [reason.code for reason in ledger_reasons(MACHINE, (lack,), real=real)] == codes
 
 
 def test_a_machine_without_nodes_is_told_with_a_dash() -> None:

@@ -416,3 +416,14 @@ def test_a_rest_is_kept_within_all_turns_of_the_encoder(monkeypatch: pytest.Monk
     run.rest_keeper()
     assert asked == [(int(run.drive.read().pos_act_counts), 4096 * 4_194_304)]
     run.close("done")
+
+
+@pytest.mark.parametrize("urgency", [Stop.RAMP, Stop.QUICK])
+def test_a_stop_that_is_still_asked_for_when_power_goes_down_makes_no_alarm(urgency: Stop) -> None:
+    """The axis is at rest, and an alarm would have to be acknowledged before the next run."""
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.stop = urgency
+    run.power_down()
+    assert run.axis.is_off
+    assert run.axis.alarms.first_out is None

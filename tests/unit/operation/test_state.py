@@ -171,6 +171,12 @@ def test_a_zero_needs_an_angle_between_the_stops_and_a_witness(
         set_encoder_zero(MACHINE, angle_deg, witness)
 
 
+def test_a_witness_of_200_characters_is_kept_whole() -> None:
+    kept()
+    set_encoder_zero(MACHINE, 12.0, "a" * 200)
+    assert memory().zero_witness == "a" * 200
+
+
 def test_a_zero_whose_range_would_wrap_in_the_travel_is_not_stored() -> None:
     # 2048 turns are 644.5 deg: 142.2 beside the travel. What stands at 10 deg and is called 170 moves the range by 160.
     short = with_values(MACHINE, {"encoder.turns": 2048, "plant.encoder.mounting_turns": 1024})
@@ -350,6 +356,7 @@ def test_an_encoder_without_a_zero_is_reported_as_that() -> None:
     [
         ("holding_torque_nm", 12.5, ("holding torque", "12.5 N m")),
         ("travelled_rad", 6.283185307179586, ("travelled", "360 deg")),
+        ("speed_rad_s", 0.05235987755982988, ("speed", "3 deg/s")),
         ("zero_offset_counts", 7, ("zero offset", "fine count 7")),
         ("error_stop", "", ("error stop", "-")),
         ("moves", 3, ("moves", "3")),

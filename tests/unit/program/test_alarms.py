@@ -68,6 +68,28 @@ def test_severity_and_reaction_fit(row):
         assert row.severity is Severity.WARNING
 
 
+# Fault catalogue: an angle or a brake that nobody knows of is for service, and so is whoever else is on the bus.
+FOR_SERVICE = {
+    "BRK-03", "BRK-04", "BRK-08", "BRK-11", "BRK-13", "CAN-12", "CAN-14", "ENC-01", "ENC-02", "ENC-04", "ENC-05",
+    "ENC-07", "ENC-12", "ENC-13", "ENC-14", "INT-04",
+}  # fmt: skip
+# The load moves by itself.
+SOUNDS = {"BRK-04", "BRK-11", "BRK-13"}
+# What stops nothing by itself and yet lets nothing begin, with what has to be done first.
+KEEPS_BACK = {
+    "BRK-06": Words.RESET_FIRST, "BRK-08": Words.TEST_OR_SERVICE, "DRV-09": Words.RESET_FIRST,
+    "DRV-14": Words.RESET_FIRST, "ENC-13": Words.SERVICE_FIRST, "INT-07": Words.RESET_FIRST,
+    "INT-08": Words.RESET_FIRST, "THM-03": Words.COOL_FIRST,
+}  # fmt: skip
+
+
+def test_what_is_for_service_what_sounds_and_what_keeps_back():
+    rows = ALARMS.values()
+    assert {row.code for row in rows if row.lock} == FOR_SERVICE
+    assert {row.code for row in rows if row.horn} == SOUNDS
+    assert {row.code: row.before_motion for row in rows if row.blocks_motion} == KEEPS_BACK
+
+
 @pytest.mark.parametrize(
     "code", ["ENC-01", "ENC-02", "ENC-04", "ENC-05", "CTL-05", "DRV-01", "DRV-04", "DRV-07"]
 )
