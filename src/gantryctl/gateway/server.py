@@ -98,7 +98,6 @@ class PatientProtocol(H11Protocol):
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         """Hand over to the WebSocket, which has limits of its own."""
-        self._rest()
         self._place.leave()
         super().handle_websocket_upgrade(event)
 

@@ -10,7 +10,7 @@ import pytest
 
 from gantryctl.gateway import peers as peers_module
 from gantryctl.gateway.peers import local_user, user_of
-from gantryctl.gateway.places import Waiting
+from gantryctl.gateway.places import Places, Waiting
 from gantryctl.gateway.settings import Settings, neighbourhood
 from support.gateway_by_hand import Clock
 
@@ -75,3 +75,43 @@ def test_only_an_established_connection_with_both_ends_names_its_user(
 
     monkeypatch.setattr(peers_module.socket, "socket", lambda *_: System())
     assert user_of(("127.0.0.1", 4711), ("127.0.0.1", 8650)) == uid
+
+
+def test_an_address_without_a_connection_is_forgotten() -> None:
+    """Memory must not grow with each address that was ever here."""
+    places = Places(10, loopback=2, remote=2)
+    for n in range(20):
+        taken = [places.take(f"192.0.2.{n}") for _ in range(2)]
+        for place in taken:
+            assert place is not None
+            place.leave()
+    assert not places._taken
+
+
+@pytest.mark.parametrize("address", ["fe80::1%eth0", "fe80::1%2"])
+def test_an_address_with_its_interface_is_asked_for_without_it(
+    monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    """A socket of the kernel has no name of an interface in its address."""
+    sent: list[bytes] = []
+
+    class System:
+        def __enter__(self) -> System:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def settimeout(self, _: float) -> None:
+            pass
+
+        def send(self, asked: bytes) -> None:
+            sent.append(asked)
+
+        def recv(self, _: int) -> bytes:
+            return b""
+
+    monkeypatch.setattr(peers_module.socket, "socket", lambda *_: System())
+    assert user_of((address, 4711), (address, 8650)) is None
+    own = b"\xfe\x80" + bytes(13) + b"\1"
+    assert own + own in sent[0]

@@ -45,7 +45,7 @@ class Room:
     def __init__(self) -> None:
         self.waiting: deque[Any] = deque()
         self.added: list[tuple[Any, str, str]] = []
-        self.closed = 0
+        self.closed = self.closed_with = 0
 
     def add(self, connection: Any, address: str, party: str) -> None:
         self.added.append((connection, address, party))
@@ -58,6 +58,7 @@ class Room:
 
     def close(self) -> None:
         self.closed += 1
+        self.closed_with = len(self.waiting)
 
 
 def with_door(check: Callable[[Door, Room], Any], session_of: Callable[[bytes], str] = lambda _: "") -> None:
@@ -161,6 +162,38 @@ def test_a_connection_is_of_its_session_and_else_of_its_peer(monkeypatch: pytest
     with_door(check, lambda head: "session 1" if head == b"cookie" else "")
 
 
+def test_a_client_that_has_left_the_queue_ends_nothing() -> None:
+    """The next one is taken."""
+
+    async def check(door: Any, _: Room) -> None:
+        taken = Connection()
+        found: list[Any] = [ConnectionAbortedError(), (taken, ("192.0.2.7", 1)), asyncio.CancelledError()]
+
+        async def accept(_: object) -> Any:
+            each = found.pop(0)
+            if isinstance(each, BaseException):
+                raise each
+            return each
+
+        def no_more() -> Any:
+            raise BlockingIOError
+
+        asyncio.get_running_loop().sock_accept = accept  # type: ignore[method-assign, assignment]
+        with pytest.raises(asyncio.CancelledError):
+            await door._take(SimpleNamespace(accept=no_more))
+        assert [connection for connection, _ in door._arrivals] == [taken]
+
+    with_door(check)
+
+
+def test_a_thousand_wait_for_their_places_and_each_for_5_s() -> None:
+    async def whole() -> None:
+        made: Any = Door(uvicorn.Config(lambda: None))
+        assert (made._waiting._most, made._waiting._patience_s) == (1024, 5.0)
+
+    asyncio.run(whole())
+
+
 # --- handshakes ---------------------------------------------------------------------------------------
 
 
@@ -255,6 +288,7 @@ def test_a_door_that_ends_takes_nobody_more_and_closes_those_that_wait(
         # Those of the last moment are closed with the others.
         assert [each.connection for each in room.waiting] == [arrived]
         assert room.closed == 1
+        assert room.closed_with == 1
 
     with_door(check)
 

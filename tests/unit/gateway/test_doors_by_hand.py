@@ -96,6 +96,7 @@ def test_a_password_that_is_too_long_costs_no_check(access: Access, monkeypatch:
         ([JSON], None), ([JSON, (b"origin", b"http://127.0.0.1:1")], None),
         ([JSON, (b"origin", b"HTTP://LOCALHOST:1")], None),
         ([JSON, (b"origin", b"http://evil.example")], 403), ([JSON, (b"origin", b"null")], 403),
+        ([JSON, (b"origin", b"")], 403),
         ([(b"content-type", b"text/plain")], 400), ([], 400),
         ([(b"content-type", b"application/x-www-form-urlencoded")], 400),
     ],

@@ -99,6 +99,10 @@ def test_frames_are_not_compressed_and_the_end_takes_two_seconds(access: Access)
     assert (config.ws_per_message_deflate, config.timeout_graceful_shutdown) == (False, 2)
     assert (config.limit_concurrency, config.ws_max_size) == (256, 16_384)
     assert config.h11_max_incomplete_event_size == 16_384
+    # A page that is gone is found out within 10 s; a connection of HTTP waits 5 s for its next request.
+    assert (config.ws_ping_interval, config.ws_ping_timeout, config.timeout_keep_alive) == (5.0, 5.0, 5)
+    secured = server.make_server(None, access.settings._replace(certificate="c", key="k")).config
+    assert (secured.ssl_certfile, secured.ssl_keyfile, secured.lifespan) == ("c", "k", "on")
     # Nothing of a client is believed of where it is, nor written line by line.
     assert (config.proxy_headers, config.access_log, config.server_header) == (False, False, False)
 
@@ -134,3 +138,24 @@ def test_limits_of_the_page_are_those_of_the_manual() -> None:
     }  # fmt: skip
     for module, limits in wanted.items():
         assert {name: getattr(module, name) for name in limits} == limits
+
+
+def test_the_server_takes_the_socket_of_the_supervisor_and_tells_parties_apart(
+    monkeypatch: pytest.MonkeyPatch, access: Access
+) -> None:
+    did: list[Any] = []
+
+    async def serve(sockets: list[Any]) -> None:
+        did.append(sockets)
+
+    def make(app: Any, settings: Settings, session_of: Any = None) -> Any:
+        did.append((app, settings, session_of))
+        return SimpleNamespace(serve=serve)
+
+    monkeypatch.setattr(server, "make_server", make)
+    monkeypatch.setattr(server, "raise_handles", lambda: did.append("handles"))
+    monkeypatch.setattr(server, "socket", SimpleNamespace(socket=lambda fileno: f"socket {fileno}"))
+    app: Any = SimpleNamespace(session_of="whose session it is")
+    settings = access.settings._replace(listener=7)
+    server.run_server(app, settings)
+    assert did == ["handles", (app, settings, "whose session it is"), ["socket 7"]]

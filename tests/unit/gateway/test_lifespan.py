@@ -21,6 +21,7 @@ from gantryctl.program import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.snapshot import FAST, publish_fast
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Role
 
@@ -170,3 +171,38 @@ def test_a_number_of_a_query_is_of_plain_digits(text: str) -> None:
     assert getattr(refused, "status_code", None) == 400
     asked.query_params["from"] = "17"
     assert _numbers(asked, [("from", 0)]) == [17]
+
+
+def test_the_first_page_gets_the_picture_of_now(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though the loop of the pictures has not begun."""
+
+    async def later(_: Hub) -> None:
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(Hub, "run", later)
+    gateway = Gateway(tmp_path, memory, monkeypatch)
+    publish_fast(memory.fast, dict.fromkeys(FAST, 0.0), 0)
+
+    async def during() -> None:
+        assert gateway.hubs[0].fresh
+
+    asyncio.run(gateway.live(during))
+
+
+def test_a_beat_that_fails_ends_the_whole(
+    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fails(_: SharedMemory) -> None:
+        raise RuntimeError("no memory")
+
+    monkeypatch.setattr(module, "_beat", fails)
+    gateway = Gateway(tmp_path, memory, monkeypatch)
+
+    async def during() -> None:
+        for _ in range(5):
+            await asyncio.sleep(0)
+
+    asyncio.run(gateway.live(during))
+    assert gateway.killed == [(os.getpid(), signal.SIGTERM)]

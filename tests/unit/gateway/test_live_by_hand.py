@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from starlette.websockets import WebSocket
 
+from gantryctl.gateway import live as live_module
 from gantryctl.gateway.access import Access
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.sessions import Session
@@ -68,3 +69,58 @@ def test_a_connection_whose_parts_have_failed_is_closed_without_a_code(
     session = Session("t", "anna", Role.OPERATOR, "", "", "here", 0.0, 0.0)
     assert asyncio.run(live._run(SimpleNamespace(), session)) is None  # type: ignore[arg-type]
     assert not access.hub.clients()
+
+
+def test_each_end_has_the_code_that_the_page_knows() -> None:
+    """`CLOSED` of hmi/src/lib/protocol.ts, and "policy violation" of RFC 6455."""
+    codes = {name: getattr(live_module, name) for name in ("SESSION_ENDED", "TOO_SLOW", "TOO_MANY")}
+    assert codes == {"SESSION_ENDED": 4401, "TOO_SLOW": 4408, "TOO_MANY": 4429}
+    assert live_module.NOT_UNDERSTOOD == 1008
+
+
+def test_a_close_that_nobody_takes_ends_after_a_second(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waited: list[float] = []
+
+    async def wait_for(work: Any, within_s: float) -> None:
+        work.close()
+        waited.append(within_s)
+        raise TimeoutError
+
+    async def ends(*_: Any) -> int:
+        return 4401
+
+    monkeypatch.setattr(live_module.asyncio, "wait_for", wait_for)
+    live, session = Live(access, access.hub), access.sessions.open(ANNA, "here")
+    monkeypatch.setattr(access, "session", lambda _: session)
+    monkeypatch.setattr(live, "_run", ends)
+
+    async def nothing(*_: Any) -> Any:
+        return {"type": "websocket.connect"}
+
+    headers: Headers = [(b"host", HERE), (b"origin", b"http://127.0.0.1:1")]
+    asyncio.run(live.serve(WebSocket({**scope(headers=headers), "type": "websocket"}, nothing, nothing)))
+    assert waited == [1.0]
+
+
+def test_seventeen_pages_of_one_user_are_one_too_many(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where none of them may make room."""
+    sent: list[Any] = []
+    session = access.sessions.open(ANNA, "here")
+    monkeypatch.setattr(access, "session", lambda _: session)
+    for _ in range(16):
+        access.hub.connect("anna", Role.OPERATOR, "console")
+
+    async def nothing(*_: Any) -> Any:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    headers: Headers = [(b"host", HERE), (b"origin", b"http://127.0.0.1:1")]
+    asked = {**scope(headers=headers), "type": "websocket", "extensions": {"websocket.http.response": {}}}
+    asyncio.run(Live(access, access.hub).serve(WebSocket(asked, nothing, send)))
+    assert (sent[0]["type"], sent[0]["status"]) == ("websocket.http.response.start", 429)

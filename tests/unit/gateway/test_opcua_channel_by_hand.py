@@ -373,3 +373,67 @@ def test_a_session_is_activated_with_the_key_of_its_client(
     else:
         assert status_of(lambda: asyncio.run(activates)) == S.BadApplicationSignatureInvalid
     assert signed == [(b"servernonce", b"signature")]
+
+
+def test_the_token_of_a_session_is_known_to_its_channel_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library counts tokens up, and hands a session over to whoever names one that it knows."""
+    forgotten: list[Any] = []
+    made = SimpleNamespace(auth_token="1001")
+    internal: Any = object.__new__(channel_module.Sessions)
+    monkeypatch.setattr(channel_module.InternalServer, "create_session", lambda *_, **__: made)
+    monkeypatch.setattr(
+        channel_module.Sessions,
+        "unregister_external_session",
+        lambda _, each: forgotten.append(each.auth_token),
+    )
+    tokens = [internal.create_session("name").auth_token.Identifier for _ in range(2)]
+    assert forgotten[0] == "1001"
+    assert [len(each) for each in tokens] == [32, 32]
+    assert tokens[0] != tokens[1]
+
+
+def test_a_channel_is_renewed_only_while_its_certificate_is_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(_: bytes) -> None:
+        raise trust.NotTrusted("the certificate is revoked")
+
+    asked = SimpleNamespace(SecurityPolicyURI=POLICY, SenderCertificate=b"one")
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda *_: asked)
+    monkeypatch.setattr(channel_module, "first_of", lambda given: given)
+    channel = channel_of(b"one", judge=refuses)
+    channel._open, channel._wall.policies = True, {POLICY: None}
+    channel._secure = SimpleNamespace(security_policy=SimpleNamespace(URI=POLICY))
+    channel._received = lambda *_: pytest.fail("it costs a decryption")
+    with pytest.raises(channel_module.ChannelRefused, match="the certificate is revoked") as refused:
+        channel._open_channel(SimpleNamespace(body_size=0), SimpleNamespace(copy=lambda _: None))
+    assert refused.value.status == S.BadSecurityChecksFailed
+
+
+@pytest.mark.parametrize(("namespace", "judged_as"), [(0, 446), (1, 0), (2, 0)])
+def test_a_request_of_another_namespace_is_none_of_this_one(
+    monkeypatch: pytest.MonkeyPatch, namespace: int, judged_as: int
+) -> None:
+    """446 closes a session in namespace 0."""
+    judged: list[Any] = []
+
+    async def judge(kind: Any, *_: Any) -> Any:
+        judged.append(kind)
+        raise ServiceError(S.BadServiceUnsupported)
+
+    monkeypatch.setattr(channel_module, "nodeid_from_binary", lambda _: ua.NodeId(446, namespace))
+    monkeypatch.setattr(channel_module, "read_header", lambda _: SimpleNamespace(RequestHandle=1))
+    channel = channel_of(b"certificate", judge=None)
+    channel._judged, channel._answers = judge, SimpleNamespace(send_response=lambda *_: None)
+    asyncio.run(channel._request(None, None))
+    assert judged == [judged_as]
+
+
+def test_only_a_sound_message_closes_a_channel() -> None:
+    channel = channel_of(b"certificate")
+    channel._greeted, channel._open, channel._until_s = True, True, math.inf
+
+    def forged(*_: Any) -> None:
+        raise channel_module.ChannelRefused(S.BadSecurityChecksFailed, "a message is not sound")
+
+    channel._received = forged
+    with pytest.raises(channel_module.ChannelRefused, match="not sound"):
+        asyncio.run(channel.take(SimpleNamespace(MessageType=ua.MessageType.SecureClose), None))

@@ -316,3 +316,29 @@ def test_nothing_is_written_to_a_connection_that_ends_already(monkeypatch: pytes
 
 def body(found: Any) -> Bounded:
     return Bounded(struct_to_binary(found))
+
+
+def test_the_end_cuts_all_connections_off_and_waits_for_their_sessions() -> None:
+    """Before the library stops."""
+    did: list[str] = []
+    wall: Any = Wall()
+
+    async def stop() -> None:
+        did.append("library stopped")
+
+    async def sessions_end() -> None:
+        await asyncio.sleep(0)
+        did.append("sessions ended")
+
+    wall.internal = SimpleNamespace(stop=stop)
+
+    async def whole() -> None:
+        listener = Listener(wall, "127.0.0.1", 0)
+        listener._server = SimpleNamespace(close=lambda: did.append("closed"))  # type: ignore[assignment]
+        client = SimpleNamespace(transport=SimpleNamespace(abort=lambda: did.append("cut off")))
+        listener.connections = [client]  # type: ignore[assignment, list-item]
+        listener.keep(sessions_end())
+        await listener.__aexit__()
+
+    asyncio.run(whole())
+    assert did == ["closed", "cut off", "sessions ended", "library stopped"]

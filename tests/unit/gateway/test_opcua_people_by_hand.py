@@ -96,3 +96,50 @@ def test_the_journal_names_whose_session_has_ended(
     ((text, who),) = whose
     assert text == "OPC UA session ended: the user has changed"
     assert (who and who.user) == name
+
+
+def test_one_password_is_checked_at_a_time(door: Door, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes 32 MB and a tenth of a second of a processor, whoever asks."""
+    under_way, most = [0], [0]
+
+    async def check(*_: Any) -> None:
+        under_way[0] += 1
+        most[0] = max(most[0], under_way[0])
+        await asyncio.sleep(0)
+        under_way[0] -= 1
+
+    monkeypatch.setattr(people_module.asyncio, "to_thread", check)
+
+    async def all_at_once() -> None:
+        clients = (door.people.admit("anna", "guess", b"", f"client {n}", "192.0.2.7") for n in range(4))
+        assert await asyncio.gather(*clients) == [False] * 4
+
+    asyncio.run(all_at_once())
+    assert most == [1]
+
+
+def test_a_file_that_is_damaged_for_a_moment_counts_as_no_failure(
+    door: Door, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def damaged(*_: str) -> None:
+        raise StateError("users.json")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(door.people._users, "check", damaged)
+        assert [door.admit("right") for _ in range(6)] == [False] * 6
+    assert door.admit("right")
+    assert door.written == [("login", "OPC UA session")]
+
+
+def test_the_journal_has_address_and_certificate_of_who_logs_in_or_tries(
+    door: Door, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[Any] = []
+    monkeypatch.setattr(
+        door.people._events, "put", lambda kind, text, who=None, **more: told.append((who, more))
+    )
+    door.admit("right", "16 digits")
+    door.admit("wrong", "16 digits", "eve")
+    assert [(who.user, who.place, more) for who, more in told] == [
+        (name, "opcua", {"address": "192.0.2.7", "client": "16 digits"}) for name in ("anna", "eve")
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -66,3 +67,38 @@ def test_a_certificate_in_letters_may_stand_behind_a_text(monkeypatch: pytest.Mo
         (b"0\x82", "der"),
     ):
         assert (trust._certificate(data), trust._revoked(data)) == (kind, kind)
+
+
+def test_a_folder_that_cannot_be_read_trusts_nobody_until_it_can(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A list of revoked ones may be in it. What is read again stands in the journal, what is read first does not."""
+    told: list[str] = []
+    for reader in ("_certificate", "_der"):
+        monkeypatch.setattr(trust, reader, lambda data: data)
+    monkeypatch.setattr(trust, "_is_authority", lambda _: False)
+    known = trust.TrustList(tmp_path, SimpleNamespace(put=lambda _, text: told.append(text)))  # type: ignore[arg-type]
+    (tmp_path / "trusted" / "client").write_bytes(b"client")
+    assert known.refresh()
+    assert (known._known, told) == ({b"client"}, [])
+
+    def locked() -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(known, "_files", locked)
+        assert [known.refresh() for _ in range(2)] == [True, False]
+        assert not known._known
+        again = "OPC UA: the trust list was read again, 0 certificates"
+        assert told == [again, "OPC UA: the trust list: nobody is trusted: [Errno 13] Permission denied"]
+    assert known.refresh()
+    assert known._known == {b"client"}
+
+
+def test_only_the_service_adds_a_client(tmp_path: Path) -> None:
+    before = os.umask(0o022)
+    try:
+        trust.TrustList(tmp_path, SimpleNamespace())  # type: ignore[arg-type]
+    finally:
+        os.umask(before)
+    assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("trusted", "revoked")] == [0o700] * 2

@@ -107,3 +107,12 @@ def test_a_cookie_behind_long_headers_names_the_party() -> None:
         assert [party for _, _, party in room.added] == ["session 1", "192.0.2.7"]
 
     with_door(check, lambda head: "session 1" if head.endswith(b"cookie") else "")
+
+
+def test_a_connection_is_read_16_kib_at_a_time() -> None:
+    """As much as a message may have: between two of them others have their turn."""
+
+    async def check(made: PatientProtocol, wire: Any, place: Place) -> None:
+        assert wire.max_size == 16_384
+
+    connected(check, [])

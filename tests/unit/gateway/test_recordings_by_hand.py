@@ -97,3 +97,28 @@ def test_the_page_is_a_page_by_its_folder_too(tmp_path: Path) -> None:
         path: page.answer(Request(scope(path=path))).headers["content-type"] for path in ("/", "/index.html")
     }
     assert kinds == dict.fromkeys(("/", "/index.html"), "text/html; charset=utf-8")
+
+
+def test_no_question_leaves_a_file_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither the folder, nor what a file has become since it was listed."""
+    (tmp_path / "one.parquet").write_bytes(b"abc")
+    (tmp_path / "two.parquet").mkdir()
+    made = Traces(tmp_path)
+    monkeypatch.setattr(
+        made, "_files", lambda: [(f"{name}.parquet", 3, 0.0) for name in ("one", "two", "none")]
+    )
+    before = sorted(os.listdir("/proc/self/fd"))
+    for name, there in (("one", True), ("two", False), ("none", False)):
+        found = made.handle(made._id(f"{name}.parquet"))
+        assert (found is not None) is there
+        if found is not None:
+            os.close(found[2])
+    assert sorted(os.listdir("/proc/self/fd")) == before
+
+
+def test_what_is_packed_for_one_browser_is_not_kept_for_another(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("<html>" * 100, encoding="utf-8")
+    page = Page(tmp_path)
+    for accepts, packed in ((b"gzip, br", "gzip"), (b"br", None)):
+        answer = page.answer(Request(scope(headers=[(b"accept-encoding", accepts)])))
+        assert (answer.headers["vary"], answer.headers.get("content-encoding")) == ("accept-encoding", packed)

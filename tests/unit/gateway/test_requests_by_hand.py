@@ -214,3 +214,66 @@ def test_a_length_is_a_number_of_nine_digits_within_64_kib(
 ) -> None:
     answer = guard(access)._refuse(scope("POST", headers=[(b"host", HERE), (b"content-length", length)]))
     assert (None if answer is None else answer.status_code) == status
+
+
+# --- headers --------------------------------------------------------------------------------------------------------
+
+
+def test_every_answer_has_the_headers_that_keep_other_pages_out(access: Access) -> None:
+    """docs/explanation/security.md: nothing runs here but files of this page, and no other page shows or loads them."""
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asyncio.run(
+        guard(access)._with_headers(send)({"type": "http.response.start", "status": 200, "headers": []})
+    )
+    told = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
+    rules = dict(rule.split(" ", 1) for rule in told.pop("content-security-policy").split("; "))
+    assert rules == {
+        **dict.fromkeys(("script-src", "style-src", "connect-src", "font-src", "manifest-src"), "'self'"),
+        **dict.fromkeys(("default-src", "base-uri", "form-action", "frame-ancestors"), "'none'"),
+        "img-src": "'self' data:",
+    }
+    assert told == {
+        "x-content-type-options": "nosniff", "x-frame-options": "DENY", "referrer-policy": "no-referrer",
+        "cross-origin-opener-policy": "same-origin", "cross-origin-resource-policy": "same-origin",
+        "permissions-policy": "camera=(), microphone=(), geolocation=()", "cache-control": "no-store",
+    }  # fmt: skip
+
+
+# --- logins ---------------------------------------------------------------------------------------------------------
+
+
+def logins(access: Access, monkeypatch: pytest.MonkeyPatch, *passwords: str) -> tuple[list[int], list[str]]:
+    """Statuses of logins that are sent at once by user 7 of this machine, and which of them were checked."""
+    checked: list[str] = []
+
+    async def check(name: str, password: str) -> Any:
+        await asyncio.sleep(0)
+        checked.append(password)
+        return ANNA if password == "right" else None
+
+    monkeypatch.setattr(access_module, "peer_of", lambda _: "uid 7")
+    monkeypatch.setattr(access, "_check", check)
+
+    async def all_at_once() -> list[int]:
+        asked = (access.log_in(Request(scope("POST")), "anna", password) for password in passwords)
+        return [answer.status_code for answer in await asyncio.gather(*asked)]
+
+    return asyncio.run(all_at_once()), checked
+
+
+def test_of_guesses_that_are_sent_at_once_five_are_checked(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert logins(access, monkeypatch, *["wrong"] * 8) == ([401] * 5 + [429] * 3, ["wrong"] * 5)
+
+
+def test_a_right_password_takes_the_failures_of_its_peer_away(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries = [*["wrong"] * 4, "right"] * 2
+    statuses, checked = logins(access, monkeypatch, *tries)
+    assert (statuses, checked) == ([*[401] * 4, 200] * 2, tries)

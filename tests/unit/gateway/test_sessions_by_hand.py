@@ -102,3 +102,10 @@ def test_a_session_names_its_person_and_not_its_account() -> None:
     assert {key: person(session)[key] for key in ("user", "person", "role")} == {
         "user": "op1", "person": "Anna", "role": "operator",
     }  # fmt: skip
+
+
+def test_nobody_can_guess_a_session() -> None:
+    """Of 128 bits, and another one each time."""
+    made, _, _ = sessions(ANNA)
+    tokens = {made.open(ANNA, "here").token for _ in range(3)}
+    assert [len(each) for each in tokens] == [32] * 3

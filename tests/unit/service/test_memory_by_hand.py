@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from datetime import datetime, tzinfo
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from gantryctl.service.memory import memory as module
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import JournalHealth, JournalState, SharedMemory, Word
+from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
 from support.service_bench import ring
 
@@ -180,4 +182,68 @@ def test_a_recording_ends_with_its_recorder_and_each_by_its_number() -> None:
         struct.pack("<d", 41),
         struct.pack("<d", 40),
     ]
+    memory.close()
+
+
+# --- what is read while it is written ---------------------------------------------------------------------------------
+
+
+def test_a_record_that_is_replaced_while_it_is_copied_is_copied_again() -> None:
+    memory = SharedMemory.create()
+    lock = memory.fast
+    lock.publish(b"one")
+    words, looks = lock._words, list[int]()
+
+    class Words:
+        def __getitem__(self, at: int) -> int:
+            looks.append(at)
+            if len(looks) == 2:
+                lock._words = words
+                lock.publish(b"two")
+            return words[at]
+
+    lock._words = Words()  # type: ignore[assignment]
+    assert lock.read() == b"two"
+    memory.close()
+
+
+def test_a_record_with_one_wrong_bit_is_none() -> None:
+    memory = SharedMemory.create()
+    memory.fast.publish(b"one")
+    memory.fast._memory[24] ^= 1
+    assert memory.fast.read() is None
+    memory.close()
+
+
+def test_an_alarm_that_comes_while_the_tags_are_read_is_shown_with_the_next_look() -> None:
+    memory = SharedMemory.create()
+    picture, read = Snapshot(memory), memory.alarms.read
+    publish_json(memory.slow, {"machine": "a"})
+    late = [{"alarms": ["late"]}]
+
+    def read_and_write() -> bytes | None:
+        found = read()
+        if late:
+            publish_json(memory.alarms, late.pop())
+        return found
+
+    memory.alarms.read = read_and_write  # type: ignore[method-assign]
+    assert [picture.slow()["alarms"] for _ in range(2)] == [[], ["late"]]
+    memory.close()
+
+
+@pytest.mark.parametrize("value", [-0.0, -4e-7, 4e-7])
+def test_there_is_no_minus_zero_on_the_wire(value: float) -> None:
+    assert json.dumps(rounded(value)) == "0.0"
+
+
+def test_a_picture_of_another_version_is_none_and_the_one_before_stays() -> None:
+    memory = SharedMemory.create()
+    picture = Snapshot(memory)
+    memory.fast.publish(bytes(24))
+    assert picture.fast() == ({}, math.inf)
+    publish_fast(memory.fast, {**dict.fromkeys(FAST, 0.0), "pos_act_deg": 1.5}, 5)
+    assert picture.fast()[0]["pos_act_deg"] == 1.5
+    memory.fast.publish(bytes(24))
+    assert picture.fast()[0]["pos_act_deg"] == 1.5
     memory.close()

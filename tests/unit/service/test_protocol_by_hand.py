@@ -12,7 +12,7 @@ from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, Power
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState
-from gantryctl.service.protocol import limits, messages
+from gantryctl.service.protocol import answers, limits, messages
 from gantryctl.service.protocol.answers import SCHEMAS, exactly, list_of
 from gantryctl.service.protocol.frames import MARK_PATTERN, mark_of
 from gantryctl.service.protocol.messages import (
@@ -69,6 +69,8 @@ def test_a_reply_names_no_event_and_no_epoch_unless_it_has_them() -> None:
 def test_a_mark_is_of_its_frame_and_connection_and_has_the_form_that_is_checked() -> None:
     mark = mark_of(1250, 5, "anna")
     assert re.fullmatch(MARK_PATTERN, mark)
+    for digits, fits in ((15, True), (16, False), (0, False)):
+        assert (re.search(MARK_PATTERN, f"{'9' * digits}-{'a' * 16}") is not None) is fits
     assert mark.startswith("1250-")
     assert len({mark, mark_of(1251, 6, "anna"), mark_of(1250, 6, "anna"), mark_of(1250, 5, "ben")}) == 4
 
@@ -183,6 +185,19 @@ def test_what_stops_needs_no_frame_and_a_note_no_epoch() -> None:
         "power", "increment", "move", "move_by", "reset", "acknowledge", "set", "note", "brake_test",
         "commission_begin", "commission_step", "commission_end",
     } == messages.KEPT_FIRST  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "waits"),
+    [
+        ("power", {"on": True}, True), ("power", {"on": False}, False), ("move", {"target_deg": 0.0}, True),
+        ("jog", {"lease": "a"}, False), ("halt", {}, False), ("stop", {}, False), ("take", {"over": True}, False),
+    ],
+)  # fmt: skip
+def test_power_on_waits_for_its_event_and_power_off_for_nothing(
+    kind: str, values: dict[str, Any], waits: bool
+) -> None:
+    assert messages.is_kept_first(Message(kind, 1, "", 1, values)) is waits
 
 
 @pytest.mark.parametrize(
@@ -302,3 +317,72 @@ def test_of_a_value_beyond_its_limit_forty_letters_are_told() -> None:
 def test_a_number_begins_at_0() -> None:
     samples = SCHEMAS["Samples"]["properties"]
     assert [samples[key]["minimum"] for key in ("from", "next", "newest")] == [0, 0, 0]
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_record_has_its_sender_and_its_message_in_any_script() -> None:
+    """A line of 120 letters of four bytes finds its place in the ring of commands, 1,016 bytes; escapes would not."""
+    who = Identity("c1", "anna.s", Role.PHYSICIST, "console", "anna")
+    message = {"type": "note", "line": "\U0001f527" * 120}
+    record = to_record(who, message)
+    assert messages.from_record(record) == (who, message)
+    assert len(record) < 1016
+
+
+@pytest.mark.parametrize(
+    "record",
+    [b"", b"7", b"[]", b"[" * 100_000, b'["c","anna","operator","console","",7]',
+     b'["c","anna","operator","console",{}]', b'["c","anna","king","console","",{}]'],
+)  # fmt: skip
+def test_a_damaged_record_is_a_wrong_value(record: bytes) -> None:
+    """The scan leaves it out and goes on."""
+    with pytest.raises(ValueError):  # noqa: PT011 - whichever it is
+        messages.from_record(record)
+
+
+@pytest.mark.parametrize(
+    ("step", "taken"), [("ring", True), ("a" * 20, True), ("a" * 21, False), ("", False), ("../x", False)]
+)
+def test_a_step_has_twenty_letters_at_most(step: str, taken: bool) -> None:
+    text = f'{{"type":"commission_step","seq":1,"frame":"1-0123456789abcdef","epoch":1,"step":"{step}"}}'
+    if taken:
+        assert parse(text).values == {"step": step}
+        return
+    with pytest.raises(MessageRefused) as refused:
+        parse(text)
+    assert str(refused.value.refusal.code) == "SEC-05"
+
+
+def test_events_recordings_and_alarms_are_described_key_by_key() -> None:
+    """A client that checks what it gets knows each key, and which may be null."""
+    kinds: dict[str, Any] = {
+        name: {key: each.get("type") for key, each in SCHEMAS[name]["properties"].items()}
+        for name in ("Event", "Recording", "AlarmRow", "Note")
+    }
+    assert kinds["Event"] == {
+        **dict.fromkeys(("seq", "boot", "source", "number", "monotonic_ns"), "integer"),
+        **dict.fromkeys(
+            ("utc", "kind", "user", "role", "client", "place", "text", "detail", "hash"), "string"
+        ),
+    }
+    assert kinds["Recording"] == {"id": "string", "name": "string", "size": "integer", "modified": "string"}
+    assert kinds["Note"] == {"seq": "integer", "utc": "string", "user": "string", "text": "string"}
+    assert {key: kind for key, kind in kinds["AlarmRow"].items() if kind != "string"} == {
+        "id": "integer", "values": "object", "steps": "array", "time_s": "number",
+        "pos_act_deg": ["number", "null"], **dict.fromkeys(("active", "first_out", "lock"), "boolean"),
+    }  # fmt: skip
+
+
+def test_a_description_has_no_other_keys_and_tells_units_and_nulls() -> None:
+    """As they are made, one by one."""
+    assert exactly({"a": {}}) == {
+        "type": "object", "properties": {"a": {}}, "required": ["a"], "additionalProperties": False
+    }  # fmt: skip
+    described = {name: answers._of_tag(BY_NAME[name]) for name in ("pos_act_deg", "power", "axis_state")}
+    assert {name: (each["type"], each.get("x-unit")) for name, each in described.items()} == {
+        "pos_act_deg": (["number", "null"], "deg"), "power": ("boolean", None), "axis_state": ("string", None)
+    }  # fmt: skip
+    assert described["axis_state"]["enum"] == [each.name.lower() for each in AxisState]
+    assert described["power"]["description"] == BY_NAME["power"].meaning

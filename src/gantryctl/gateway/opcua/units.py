@@ -60,5 +60,5 @@ def normal_range(tag: Tag, tags: Mapping[str, Any]) -> Any:
     unit = _UNITS[tag.unit]
     found = [tags.get(each.name) for each in _LIMITS if each.unit == tag.unit]
     limits = [abs(value) for value in found if isinstance(value, int | float)]
-    largest = _LARGEST.get(tag.name, max(limits, default=0.0) if unit.signed else 0.0) or unit.largest
+    largest = _LARGEST.get(tag.name, max(limits, default=0.0)) or unit.largest
     return ua.Range(-largest if unit.signed else 0.0, largest)
