@@ -77,6 +77,8 @@ class Worker:
         return list(dict.fromkeys(found))
 
     def _run(self, change: Change, text: bytes, tests: list[str], cpu_s: float) -> tuple[Fate, str]:
+        if self._selection.acts_at_import(change):
+            return fresh_run(self.tree, tests, cpu_s)
         try:
             return self._warm.judge(change, text, tests, cpu_s)
         except NotPatched:

@@ -53,10 +53,8 @@ class Selection:
         return self._in_order(self._expanded(self._contexts(change)))
 
     def _contexts(self, change: Change) -> set[str]:
-        lines = list(range(change.line, change.end_line + 1))
-        if change.function:
-            found = self._of_lines(change.file, lines)
-            return found or self._of_lines(change.file, [_statement_line(self._root, change)])
+        if change.function and (found := self._of_function(change)):
+            return found
         # What is defined when a module is imported acts where its name stands.
         words = re.compile(rf"\b({'|'.join(map(re.escape, change.names))})\b") if change.names else None
         found = set()
@@ -67,7 +65,24 @@ class Selection:
             ]
             if places:
                 found |= self._of_lines(str(file.relative_to(self._root)), places)
-        return found or self._of_lines(change.file, range(1, 10_000))
+        return (found or self._of_lines(change.file, range(1, 10_000))) | self._of_importers(change.file)
+
+    def _of_function(self, change: Change) -> set[str]:
+        found = self._of_lines(change.file, range(change.line, change.end_line + 1))
+        return found or self._of_lines(change.file, [_statement_line(self._root, change)])
+
+    def acts_at_import(self, change: Change) -> bool:
+        """Whether no test runs what changes: it runs when a module is imported, and its tests need a fresh process."""
+        return not change.function or not self._of_function(change)
+
+    def _of_importers(self, file: str) -> set[str]:
+        """Tests of files that import this module by its name: what it has made by then they see."""
+        *above, name = Path(file).with_suffix("").parts[1:]
+        parent = re.escape(".".join(above))
+        words = re.compile(rf"\b{parent}\.{name}\b|\bfrom {parent} import [^()\n]*\b{name}\b")
+        files = {test.partition("::")[0] for test in self._seconds}
+        chosen = {file for file in files if words.search(_text(self._root / file))}
+        return {test for test in self._seconds if test.partition("::")[0] in chosen}
 
     def _of_lines(self, file: str, lines: Iterable[int]) -> set[str]:
         wanted = list(lines)

@@ -245,6 +245,31 @@ def test_what_is_refused_all_day_has_a_row_every_ten_minutes_with_its_own_time()
     assert spans == ["10 s", "20 s", "40 s", "80 s", "160 s", "320 s", *["600 s"] * 4]
 
 
+def test_a_row_says_how_many_it_stands_for_unless_it_is_the_first_of_one() -> None:
+    made = Refused()
+    for count, later_s in ((2, 10.0), (3, 20.0)):
+        for _ in range(count):
+            made.log.put(ANNA, HALT, NOT_YOURS)
+        made.now_s += later_s
+        made.log.look()
+    rows = made.rows()
+    assert [row["values"].get("count") for row in rows] == [None, 1, 3]
+    assert [row["text"].partition("; ")[2] for row in rows] == ["", "once in 10 s", "3 times in 20 s"]
+
+
+def test_a_first_row_that_had_to_wait_says_how_many_it_stands_for() -> None:
+    made = Refused()
+    for n in range(100):
+        made.log.put_text(ANNA, "read", "x", f"action {n}", NOT_YOURS)
+    for _ in range(2):
+        assert made.log.put(ANNA, HALT, NOT_YOURS) == 0
+    made.now_s += 10.0
+    made.rows()
+    for _ in range(200):
+        made.log.look()
+    assert [row["values"].get("count") for row in made.rows()] == [2]
+
+
 def test_an_account_that_has_used_its_rows_up_takes_none_from_another() -> None:
     made = Refused()
     written = [made.log.put_text(ANNA, "read", "x", f"action {n}", NOT_YOURS) for n in range(150)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -327,3 +328,9 @@ def test_the_number_of_no_link_opens_nothing() -> None:
     assert taker.take(f"{5:016x}", 1000)
     words[Word.LINK] = 0
     assert not taker.take("0" * 16, 1000)
+
+
+def test_before_the_first_picture_a_frame_has_the_mark_of_time_0(desk: Desk) -> None:
+    desk.look()
+    (status,) = sent(desk.hub.connect("anna", Role.OPERATOR, "console"), "status")
+    assert re.fullmatch("0-[0-9a-f]{16}", status["frame"])

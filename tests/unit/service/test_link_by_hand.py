@@ -212,3 +212,27 @@ def test_a_key_is_let_go_when_its_time_is_over_or_something_fails(desk: Desk, tm
     assert [each["type"] for each in desk.socket.sent] == ["jog", "release"]
     # A lease that was used is never valid again.
     assert first not in {each["lease"] for each in desk.socket.sent}
+
+
+def test_a_renewal_waits_for_no_time_that_is_over(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A socket with a time limit of 0 does not wait at all, and the connection seems broken; by a clock of 1/64 s."""
+    link = desk.open(tmp_path)
+    desk.now_s = 100.0
+
+    def clock() -> float:
+        desk.now_s += 1.0 / 64.0
+        return desk.now_s
+
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(module, "RENEW_S", 2.0 / 64.0)
+    desk.socket.lines = [{"type": "welcome"}] * 5
+    desk.socket.timeouts.clear()
+    link._drain()
+    assert desk.socket.timeouts == [1.0 / 64.0]
+
+
+def test_a_service_has_three_seconds_for_an_answer(desk: Desk, tmp_path: Path) -> None:
+    desk.open(tmp_path)
+    assert desk.socket.timeouts == [3.0]

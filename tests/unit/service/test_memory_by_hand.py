@@ -18,6 +18,7 @@ from gantryctl.service.memory import memory as module
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import JournalHealth, JournalState, SharedMemory, Word
+from gantryctl.service.memory.ring import Ring
 from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
 from support.service_bench import ring
@@ -247,3 +248,20 @@ def test_a_picture_of_another_version_is_none_and_the_one_before_stays() -> None
     memory.fast.publish(bytes(24))
     assert picture.fast()[0]["pos_act_deg"] == 1.5
     memory.close()
+
+
+# --- where it lies ----------------------------------------------------------------------------------------------------
+
+
+def test_each_area_begins_at_a_multiple_of_eight_bytes() -> None:
+    """Head, tail and sequence are stored at once only there."""
+    begins, at = dict[str, int](), 0
+    for name, size in module._AREAS:
+        begins[name], at = at, at + size
+    assert {name: begin % 8 for name, begin in begins.items()} == dict.fromkeys(begins, 0)
+
+
+def test_a_ring_has_as_many_places_as_fit_behind_its_numbers() -> None:
+    """192 bytes of them; places of 40 bytes."""
+    for length, slots in ((192 + 3 * 40, 3), (192 + 3 * 40 + 39, 3), (192 + 4 * 40, 4)):
+        assert Ring(memoryview(bytearray(length)), 40).slots == slots
