@@ -199,6 +199,15 @@ def test_a_stop_from_any_page_ends_the_step(free_room: Room, kind: str, urgency:
     assert "vera" in free_room.desk.halt.why
 
 
+def test_a_key_that_is_let_go_stops_no_step(free_room: Room) -> None:
+    """A page sends it whenever a button comes up; what was sent before stays in force."""
+    free_room.begun("velocity")
+    epoch = free_room.desk.authority.epoch
+    assert free_room.ask(ANNA, "release", lease="00000000000000aa") == ""
+    assert not free_room.desk.halt.asked()
+    assert free_room.desk.authority.epoch == epoch
+
+
 def test_of_two_stops_the_harder_counts(free_room: Room) -> None:
     free_room.begun("velocity")
     for kind, urgency in (("stop", Stop.RAMP), ("quick_stop", Stop.QUICK), ("stop", Stop.QUICK)):

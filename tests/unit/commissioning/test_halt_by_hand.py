@@ -62,6 +62,9 @@ def test_a_run_ends_too_when_nobody_has_listened_for_half_a_second() -> None:
         assert watch.seen == (-90.5, 0.25, None)
         assert run.stop is wanted
         now[0] += 0.51
+    # One that did nothing has no picture.
+    watch.draw("nothing", [])
+    assert watch.pictures == []
 
 
 def test_a_run_that_was_stopped_has_not_passed_however_it_ended() -> None:

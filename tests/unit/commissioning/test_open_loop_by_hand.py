@@ -504,3 +504,30 @@ def test_a_drive_that_follows_at_once_is_in_the_band_as_one_that_follows_four_sc
 
     drive.spoil = spoil
     axis.run(0.1)
+
+
+def test_a_time_of_one_scan_and_a_part_is_two_scans() -> None:
+    """Whatever is commanded, and what is only shown with the drive off."""
+    drive, axis = enabled()
+    for what in (lambda: axis.run(1.4 * PERIOD_S), lambda: axis.show(SAFE_OUTPUT, 1.4 * PERIOD_S)):
+        drive.wrote.clear()
+        what()
+        assert len(drive.wrote) == 2
+
+
+def test_scans_that_a_silence_has_taken_are_not_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive, axis = enabled()
+    order: list[str] = []
+    monkeypatch.setattr(drive, "resume", lambda: order.append("resumed"))
+    monkeypatch.setattr(axis, "begin_time", lambda: order.append("time"))
+    drive.write(SAFE_OUTPUT)
+    axis.wake()
+    assert order == ["resumed", "time"]
+
+
+def test_an_axis_is_enabled_with_its_brake_open_and_people_see_the_drive() -> None:
+    drive, axis = enabled()
+    assert drive.wrote[-1].brake_open
+    seen = axis._watch.seen
+    assert seen is not None
+    assert seen.drive is axis.feedback

@@ -24,6 +24,7 @@ from gantryctl.operation.client import Stop
 from gantryctl.operation.ledger import Standing
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM
 from gantryctl.operation.proofs import load_record, record_path
+from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import StateStore
 
 pytestmark = pytest.mark.can
@@ -281,6 +282,7 @@ def test_the_record_names_what_has_passed_and_what_it_has_measured(
         assert record is not None
         assert record.measured == measured
     assert set(record.steps) == {"a", "ramp"}
+    assert record.by == operator_name()
     # A step that has failed is left, and so is one that nobody has done.
     left = {each.key for each in work.left()}
     assert {"identity", "sign"} <= left

@@ -211,3 +211,13 @@ def test_what_is_not_watched_is_told_of_the_control_in_use(
     )
     opened = open_axis(MACHINE, None, controlled_as=other if experiment else None)
     assert opened.notes[-1] == ("0.200" if experiment else "0.393")
+
+
+def test_an_experiment_moves_by_the_proofs_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other gains and ramps may be tried; what the ledger says is of the machine that is there."""
+    asked: list[str] = []
+    monkeypatch.setattr(
+        opening, "ledger_of", lambda machine, store, drive: (asked.append(machine.name), ())[1]
+    )
+    opening.open_axis(MACHINE, None, controlled_as=with_values(MACHINE, {"machine.name": "other"}))
+    assert asked == [MACHINE.name]

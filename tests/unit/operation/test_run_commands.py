@@ -427,3 +427,29 @@ def test_a_stop_that_is_still_asked_for_when_power_goes_down_makes_no_alarm(urge
     run.power_down()
     assert run.axis.is_off
     assert run.axis.alarms.first_out is None
+
+
+def test_an_alarm_ends_the_wait_for_power() -> None:
+    """It comes a tenth of a second after the begin; ten seconds would be waited for power that comes."""
+    run = AxisRun(IDEAL)
+    run.observe(lambda seen: run.axis.quick_stop())
+    with pytest.raises(AlarmStop, match="INT-06"):
+        run.power_up()
+    assert run.engine.time_s < 2.0
+
+
+def test_a_direction_that_was_asked_for_is_the_direction() -> None:
+    """From 10 to 5 deg the way in the turn is back."""
+    run = AxisRun(modulo_machine({"drive.kind": "ideal", "control.scan_period_ms": 10.0}))
+    run.move(10.0, 6.0)
+    asked = {way: run._move_levels(5.0, None, 1.0, way)["direction"] for way in (None, *Direction)}
+    assert asked == {None: Direction.NEGATIVE, **{way: way for way in Direction}}
+    run.close("done")
+
+
+def test_a_report_begins_with_the_scan_before_its_motion() -> None:
+    run = AxisRun(IDEAL)
+    run.power_up()
+    begun_s = run.engine.time_s
+    assert run.move(1.0, 6.0).from_s == begun_s
+    run.close("done")

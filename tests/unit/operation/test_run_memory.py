@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import AlarmStop
+from gantryctl.machine import config_hash
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run_memory import RunEnd, RunMemory, retained_after
-from gantryctl.program import Code
-from gantryctl.runtime import Retained
+from gantryctl.program import BrakeTestOutcome, BrakeTestResult, Code
+from gantryctl.program.alarms.words import Words
+from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import rad
 
 from .kept_bench import MACHINE, REAL, an_axis
@@ -155,3 +157,26 @@ def test_a_zero_lies_within_the_range_of_the_encoder() -> None:
     for beyond in (SCALE.range_counts + 7.0, 7.0 - SCALE.range_counts):
         axis.zero_counts = beyond
         assert retained_after(MACHINE, REST, axis, Left(RAW), END).zero_offset_counts == 7
+
+
+def test_what_a_run_leaves_behind_stands_beside_what_was_kept_before() -> None:
+    """An alarm of an earlier run and one of this; a doubt that no alarm explains; the machine file of this run."""
+    before = replace(
+        REST, alarms=(AlarmEntry("ENC-09", "moved", "2026-01-01"),), config_hash="of another file"
+    )
+    axis = an_axis(MACHINE)
+    axis.feedback.in_doubt = True
+    axis.alarms.note(Code.CTL_15, measured=300.0, limit=250.0)
+    after = retained_after(MACHINE, before, axis, Left(RAW), END)
+    assert [entry.code for entry in after.alarms] == ["ENC-09", "CTL-15"]
+    assert (after.doubted_by, after.error_stop) == ("-", "")
+    assert after.config_hash == config_hash(MACHINE)
+
+
+def test_a_brake_that_was_tested_is_due_after_all_of_its_power_ups_again() -> None:
+    """The third power-up of a run behind 50 of before: 100 are left."""
+    memory = RunMemory(MACHINE, an_axis(MACHINE), replace(REST, power_ups=50), None)
+    memory.power_ups = 3
+    memory.brake_tested(BrakeTestResult(BrakeTestOutcome.PASSED, 70.0, -70.0, 0.0, Words.STOPPED))
+    assert memory.retained.brake_tested_power_ups == 53
+    assert memory.brake_due.power_ups_left == 100

@@ -72,6 +72,10 @@ def test_a_target_in_or_behind_a_sector_is_refused_with_the_nearest_permitted_an
     )
     # What it names is permitted.
     assert check_target(rad(10.0), LINEAR.stretch(rad(10.0)).high_rad, LINEAR) is None
+    # Backwards it is the other one.
+    below = check_target(rad(10.0), rad(-target_deg), LINEAR)
+    assert below is not None
+    assert f"the way to {-target_deg:.2f} deg enters the no-go sector -120.00 to -60.00 deg" in below.text
 
 
 def test_a_modulo_axis_is_told_its_way_round() -> None:

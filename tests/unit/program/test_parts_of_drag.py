@@ -41,6 +41,19 @@ def samples(number, period_s):
 
 
 @BOTH
+def test_a_drag_that_has_gone_begins_its_second_anew(way):
+    """0.7 s of 180 N m, a second without, and again: from -61 N m the mean passes 38.55 with the sixth sample."""
+    parts = Parts()
+    watch, scan = drags(parts, way, 180.0)
+    watch.model.add = lambda *_: None
+    assert parts.after(scan, most_s=0.7) == math.inf
+    dragging_nm, parts.feedback.torque_nm = parts.feedback.torque_nm, 0.0
+    assert parts.after(scan, most_s=1.0) == math.inf
+    parts.feedback.torque_nm = dragging_nm
+    assert parts.after(scan) == approx(1.25, abs=0.11)
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(
     ("excess_nm", "warns_at", "halts_at"),

@@ -7,8 +7,11 @@ import math
 import pytest
 
 from gantryctl.image import DigitalInputs, Direction, Mode, StopCause, SystemStop
-from gantryctl.program import AxisState
+from gantryctl.program import AxisState, BrakeTestOutcome
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.command_checks import check_way
 from gantryctl.program.axis.motion_command import CommandStatus
+from gantryctl.program.axis.parameters import Parameter, write_parameter
 from gantryctl.program.blocks import Cam, DigitalCamSwitch, TouchProbe
 from gantryctl.program.power.phases import Proof
 from gantryctl.program.settings import StandstillPolicy
@@ -133,6 +136,27 @@ def test_a_reading_that_no_proof_has_shown_is_asked_after_50_ms(by_drive, asked)
     rig.spoil = lambda drive: drive._replace(pos_act_counts=float(round(rig.axis.feedback.counts)))
     rig.run(0.07)
     assert (rig.axis.power.phase, rig.axis.liveness.dithers) == (P.SAG_WATCH, asked)
+
+
+def test_the_torque_of_a_standstill_is_the_preload_of_the_next_power_up():
+    """12 N m for 5 s, followed with a time constant of 1 s: 0.7 % are left."""
+    rig = powered()
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=12.0)
+    rig.run(5.0)
+    assert rig.axis.holding_torque_nm == pytest.approx(12.0 * (1.0 - math.exp(-5.0)), rel=0.01)
+
+
+@pytest.mark.parametrize("outcome", [BrakeTestOutcome.FAILED, BrakeTestOutcome.ABORTED])
+def test_a_brake_test_that_has_not_passed_is_not_done(outcome):
+    rig = Rig()
+    rig.op(brake_test=True)
+    block = rig.program.brake_test
+    rig.until(lambda: rig.axis.brake_test.running, 2.0)
+    rig.axis.brake_test.end(outcome, Words.STOPPED)
+    rig.until(lambda: not block.busy, 5.0)
+    failed = outcome is BrakeTestOutcome.FAILED
+    assert (block.done, block.error, block.command_aborted) == (False, failed, not failed)
+    assert block.error_id == ("BRK-08" if failed else None)
 
 
 # --- motions ----------------------------------------------------------------------------------------------------------
@@ -301,3 +325,25 @@ def test_a_cam_switch_that_was_off_begins_without_its_hysteresis_and_its_pulses(
     assert cams.outputs == (False, False)
     call(rig, cams, enable=True)
     assert cams.outputs == (False, False)
+
+
+# --- limits of which two are alike elsewhere --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("acc", "dec", "refused"), [(4.0, 3.0, True), (3.0, 4.0, False)])
+def test_a_deceleration_is_judged_by_that_of_the_machine(acc, dec, refused):
+    """3.5 deg/s2 beside 3 and 4."""
+    rig = Rig(config=settings(acc=acc, dec=dec))
+    rig.power_up()
+    assert (write_parameter(rig.axis, Parameter.MAX_DECELERATION_APPL, rad(3.5)) is not None) is refused
+
+
+@pytest.mark.parametrize(("plus", "minus"), [(False, True), (True, False)])
+def test_only_the_way_out_of_an_open_switch_is_open(plus, minus):
+    """One switch open: away from it any motion, towards it none."""
+    rig = powered()
+    rig.drive.inputs = OPEN._replace(limit_plus_ok=plus, limit_minus_ok=minus)
+    rig.step()
+    interlocks, travel = rig.axis.interlocks, rig.axis.settings.travel
+    assert (check_way(0.0, rad(1.0), travel, interlocks) is None) is plus
+    assert (check_way(0.0, rad(-1.0), travel, interlocks) is None) is minus

@@ -162,7 +162,7 @@ class Desk:
         if self.authority.holder is None:
             return
         user = self.authority.holder.user
-        if self.step and self.authority.silent(now_s, WATCHED_S):
+        if self.authority.silent(now_s, WATCHED_S):
             self._halt(f"the page of {user}, who watches it, was silent for {WATCHED_S:g} s")
         if self.authority.silent(now_s):
             self._free(self.authority.holder.client, f"was silent for {SILENCE_S:g} s")

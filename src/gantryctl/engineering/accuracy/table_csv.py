@@ -179,8 +179,8 @@ class _Reader:
         return _Cell(line, RowKey(base, direction, run), displacement, error)
 
     def _number(self, line: int, column: str, value: str) -> float | None:
-        # A comma is a decimal comma only where no point stands: 1,234.5 is refused.
-        text = value.replace(",", ".") if "." not in value else value
+        # A comma is a decimal comma; with a point beside it (1,234.5) there are two of them, and no number.
+        text = value.replace(",", ".")
         if not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
             self.problem(
                 line, column, value, "missing" if not value else "not a number (finite, like -0.0012)"

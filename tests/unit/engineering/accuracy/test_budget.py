@@ -19,6 +19,7 @@ from gantryctl.engineering.accuracy.budget import (
 from gantryctl.engineering.accuracy.noise import a_draws
 from gantryctl.engineering.accuracy.paper import PAPER_TABLE
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
+from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable, RowKey
 from gantryctl.engineering.instruments.sources import SimulatedInstrument, Source, sources_of
 from gantryctl.errors import UsageError
@@ -98,6 +99,15 @@ def test_a_table_has_its_rounding_as_a_source() -> None:
     rounding = found.contributions[-1]
     assert rounding.name == "rounding of the table (+-5e-05 deg)"
     assert rounding.value == pytest.approx(0.5e-4 / math.sqrt(3.0))
+    # Every printed chord error alone: what A changes by, as squares; the zero column is exact.
+    slopes = []
+    for row in range(6):
+        for column in range(1, 5):
+            step = np.zeros((6, 5))
+            step[row, column] = 1e-7
+            up, down = PAPER_TABLE.errors_deg + step, PAPER_TABLE.errors_deg - step
+            slopes.append(float(accuracy_a(up) - accuracy_a(down)) / 2e-7)
+    assert rounding.sensitivity == pytest.approx(math.hypot(*slopes), rel=1e-4)
     exact = ErrorTable(
         PAPER_TABLE.rows, PAPER_TABLE.displacements_deg, PAPER_TABLE.errors_deg * (1.0 + 1e-9 * math.pi)
     )

@@ -157,6 +157,12 @@ def test_two_grades_are_twice_the_amplitude_and_leave_readings_and_windup_as_the
     assert model.covariance(6.0, 0.001) == pytest.approx(0.25 * gear_8 + readings, rel=1e-9)
     wound = GearModel(PAPER_TABLE, WAVES, WINDUP_RAD)
     windup = wound.covariance(8.0, 0.0) - gear_8
+    # One sine of a turn, in deg: chords of it from their base.
+    at = np.radians([place.row.base_deg for place in wound.places])
+    way = np.array([place.row.direction.sign for place in wound.places])
+    there = at + way * np.radians([place.displacement_deg for place in wound.places])
+    chords = np.degrees(WINDUP_RAD) * way * (np.sin(there) - np.sin(at))
+    assert windup == pytest.approx(np.outer(chords, chords), rel=1e-6, abs=1e-12)
     assert wound.covariance(10.0, 0.0) == pytest.approx(4.0 * gear_8 + windup, rel=1e-9)
 
 

@@ -89,6 +89,7 @@ def test_one_row_is_refused() -> None:
         (1, (0.0, 5.0, 5.0), [[0.0, 0.0, 0.0]], "ascend"),
         (1, (0.0, 5.0), [[0.0, np.nan]], "finite"),
         (1, (0.0, 5.0), [[1e-3, 0.0]], "zero column"),
+        (1, (0.0, 5.0), [[-1e-3, 0.0]], "zero column"),
         (2, (0.0, 5.0), [[0.0, 0.0], [0.0, 0.0]], "twice"),
         (0, (0.0, 5.0), np.zeros((0, 2)), "at least one row"),
     ],
@@ -110,3 +111,16 @@ def test_a_table_cannot_be_changed() -> None:
     assert table == ErrorTable((RowKey(0.0, Direction.CCW),), (0.0, 5.0), np.zeros((1, 2)))
     assert table != PAPER_TABLE
     assert table.runs == 1
+
+
+def test_each_base_of_the_paper_has_its_own_range() -> None:
+    assert statistics(PAPER_TABLE).range_deg == {
+        90.0: (-0.0012, 0.003),
+        0.0: (-0.0016, 0.0005),
+        -90.0: (-0.0005, 0.0042),
+    }
+
+
+def test_a_table_has_the_runs_of_its_least_measured_series() -> None:
+    rows = (RowKey(0.0, Direction.CCW, 1), RowKey(0.0, Direction.CCW, 2), RowKey(0.0, Direction.CW, 1))
+    assert ErrorTable(rows, (0.0, 5.0), np.zeros((3, 2))).runs == 1

@@ -109,3 +109,14 @@ def test_the_worst_figure_decides_and_is_told() -> None:
     )
     verdict = judge({"A": 0.2, "chord": 0.098}, REQUIRED, {"chord": 0.004})
     assert verdict.text == "A 0.2000 deg: outside 0.1 deg; required by dish (tender 4711)"
+
+
+def test_the_floor_is_that_of_an_axis_without_error() -> None:
+    """Whatever the axis has shown: 0.003 deg of its waves, beside 1e-5 deg of the readings."""
+    sigma = np.full(len(WAVY_DEG), 1e-5)
+    wavy, perfect = (
+        chord_uncertainty(PROCEDURE, angles, sigma).floor
+        for angles in (WAVY_DEG, np.degrees(PROCEDURE.targets_rad))
+    )
+    assert wavy == perfect
+    assert wavy.median_deg < 2e-4

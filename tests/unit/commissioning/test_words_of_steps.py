@@ -1,0 +1,150 @@
+"""What steps of commissioning say, word by word: figures of which no two are alike, in their units and directions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gantryctl.commissioning import steps_bus, steps_lacks, steps_motion, steps_power
+from gantryctl.commissioning.results import Figure, Outcome, StepResult
+from gantryctl.commissioning.stopping import steps_silence
+from gantryctl.commissioning.stopping.quick_stop import QuickStop
+from gantryctl.commissioning.stopping.silence import SilentDrive
+from gantryctl.errors import AlarmStop
+from gantryctl.image import DriveState
+from gantryctl.machine import with_values
+from gantryctl.program import BrakeTestOutcome, BrakeTestResult
+from gantryctl.program.alarms.words import Words
+from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context, opens
+
+pytestmark = pytest.mark.can
+
+
+def test_sync_tells_the_middle_and_the_late_answers_and_the_time_of_a_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Scans of 4 ms; the drive shows a command in the first of them."""
+    drive = HandDrive()
+    drive.process.answer_times_s = [0.0035, *[0.001] * 99]
+    monkeypatch.setattr(steps_bus, "open_loop_axis", opens(drive))
+    proof = steps_bus.sync(context()).proof
+    assert proof == ("answers 1.00 ms after SYNC (p50), 3.50 ms (p99); a command shows 1 scans later (4 ms)")
+
+
+def test_a_push_tells_what_was_given_and_what_is_not_shown(step: Any) -> None:
+    """0.6 of 70 N m less 14 N m of the load are asked for, 26 N m are given back."""
+    drive: Any = HandDrive()
+    drive.machine = with_values(MACHINE, {"can.torque_limit_in_drive_nm": 385.0})
+    drive.spoil = lambda seen: seen._replace(torque_act_nm=max(seen.torque_act_nm, -26.0))
+    held = {"plus_nm": Figure(70.0), "minus_nm": Figure(-70.0)}
+    found = step(steps_lacks, "torque", drive, brake=StepResult("brake", Outcome.PASSED, "", held))
+    assert found.proof == (
+        "28.0 N m asked for against the closed brake, 26.0 and 28.0 N m given; limit of the drive as entered 385 N m, "
+        "what lies above 26.0 N m is not shown"
+    )
+
+
+def test_a_ramp_tells_up_to_which_speed_it_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steps_lacks, "_stop_from", lambda c, speed: QuickStop(1.0, 5.5, 0.0))
+    found = steps_lacks.ramp(context())
+    assert found.proof == "5.50 deg/s2, seen up to 3 deg/s; the stops are computed with 5.4"
+
+
+def test_friction_of_a_short_travel_is_told_in_kn_m(monkeypatch: pytest.MonkeyPatch) -> None:
+    """5 kN m at the load, through 1144 turns of the motor; 100 deg are too little for the moment."""
+    angle = np.radians(np.concatenate((np.arange(-48.0, 48.0), np.arange(48.0, -48.0, -1.0))))
+    forward = np.repeat((1.0, -1.0), 96)
+    trace = {
+        "vel_ref_rad_s": np.radians(3.0) * forward, "pos_act_rad": angle, "pos_err_rad": 0.0 * angle,
+        "torque_act_nm": 5000.0 / 1144.0 * forward,
+    }  # fmt: skip
+
+    @contextmanager
+    def run(*_: object) -> Iterator[tuple[Any, Any]]:
+        nothing = lambda *_: None  # noqa: E731
+        yield SimpleNamespace(move=nothing, observe=nothing), SimpleNamespace(trace=lambda: trace)
+
+    monkeypatch.setattr(steps_motion, "_recorded_run", run)
+    monkeypatch.setattr(steps_motion, "reach_deg", lambda _: (-50.0, 50.0))
+    assert steps_motion.slow_turn(context()).proof == (
+        "friction 5.00 kN m at 3 deg/s; the travel is too short for the eccentric moment"
+    )
+
+
+def test_the_longest_stop_is_one_that_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0.9 deg were computed for each, 0.4 measured."""
+    stop = lambda c, speed, decs: ("quick stop", 0.4, 0.9)  # noqa: E731
+    for name in ("_quick_stop", "_silent_stop"):
+        monkeypatch.setattr(steps_motion, name, stop)
+    monkeypatch.setattr(steps_motion, "_jog_release", lambda c, speed: 0.01)
+    assert steps_motion.stops(context()).proof.endswith("stops, largest 0.400 deg")
+
+
+@pytest.mark.parametrize(
+    ("seen", "told"),
+    [
+        (SilentDrive(broken_off="moved 2 deg · torque off and brake closed after 8 ms"), "moved 2 deg · torque off"),
+        (SilentDrive(state=DriveState.SWITCH_ON_DISABLED, brake_open=True), "switch on disabled, brake open: True"),
+    ],
+)  # fmt: skip
+def test_a_silence_that_stopped_nothing_is_told_with_what_the_drive_has_confirmed(
+    monkeypatch: pytest.MonkeyPatch, seen: SilentDrive, told: str
+) -> None:
+    monkeypatch.setattr(steps_motion, "open_loop_axis", opens(HandDrive()))
+    monkeypatch.setattr(steps_motion, "watched_ways", lambda axis: ())
+    monkeypatch.setattr(steps_motion, "_watchdog_s", lambda c: 0.1)
+    monkeypatch.setattr(steps_motion, "fall_silent", lambda *_: seen)
+    with pytest.raises(AlarmStop, match=f"silence at 1 deg/s: {told}"):
+        steps_motion._silent_stop(context(), 1.0, [])
+
+
+def test_a_picture_names_the_direction_of_its_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    parts: list[str] = []
+
+    @contextmanager
+    def opened(c: object, leash_deg: float, part: str) -> Iterator[Any]:
+        parts.append(part)
+        yield axis_of(HandDrive(), leash_deg)
+
+    monkeypatch.setattr(steps_motion, "open_loop_axis", opened)
+    for speed in (3.0, -3.0):
+        with steps_motion._at_speed(context(), "silence", speed, 1.0):
+            pass
+    assert parts == ["silence from +3 deg/s", "silence from -3 deg/s"]
+
+
+@pytest.mark.parametrize(
+    ("output", "what"),
+    [("watchdog", "the relay at 60FE bit 16"), ("drive_enable", "the enable relay at 6200 bit 2 of node 3")],
+)
+def test_a_watchdog_is_told_with_its_place(output: str, what: str) -> None:
+    wired = {
+        "watchdog": {"can.outputs.watchdog": 16},
+        "drive_enable": {"can.io.node": 3, "can.io.outputs.drive_enable": 2},
+    }
+    dog = steps_silence._watchdog_of(with_values(MACHINE, wired[output]), 0.05)
+    assert dog is not None
+    assert dog.what == what
+
+
+@pytest.mark.parametrize("outcome", [BrakeTestOutcome.FAILED, BrakeTestOutcome.ABORTED])
+def test_a_brake_that_has_not_passed_is_told_with_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, step: Any, outcome: BrakeTestOutcome
+) -> None:
+    result = BrakeTestResult(outcome, 70.0, -70.0, 0.0, Words.STOPPED)
+    monkeypatch.setattr(steps_power, "_test_brake", lambda c, axis: result)
+    found = step(steps_power, "brake", HandDrive())
+    assert (found.outcome, found.to_do) == (Outcome.FAILED, "brake or torque scaling; call service")
+    assert found.proof == str(Words.STOPPED)
+
+
+def test_a_torque_that_brakes_has_its_sign(step: Any) -> None:
+    """A load that pulls the gantry on: the motor holds it back by 12.5 N m."""
+    found = step(steps_power, "velocity", HandDrive(torque_nm=-12.5))
+    assert found.number("torque_nm") == -12.5
+    assert found.proof.endswith("mean torque -12.5 N m")
