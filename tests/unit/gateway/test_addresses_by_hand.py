@@ -93,7 +93,7 @@ def test_an_address_with_its_interface_is_asked_for_without_it(
     monkeypatch: pytest.MonkeyPatch, address: str
 ) -> None:
     """A socket of the kernel has no name of an interface in its address."""
-    sent: list[bytes] = []
+    sent, times = list[bytes](), list[float]()
 
     class System:
         def __enter__(self) -> System:
@@ -102,8 +102,8 @@ def test_an_address_with_its_interface_is_asked_for_without_it(
         def __exit__(self, *_: object) -> None:
             pass
 
-        def settimeout(self, _: float) -> None:
-            pass
+        def settimeout(self, time_s: float) -> None:
+            times.append(time_s)
 
         def send(self, asked: bytes) -> None:
             sent.append(asked)
@@ -115,3 +115,15 @@ def test_an_address_with_its_interface_is_asked_for_without_it(
     assert user_of((address, 4711), (address, 8650)) is None
     own = b"\xfe\x80" + bytes(13) + b"\1"
     assert own + own in sent[0]
+    assert times == [0.2]  # the loop waits meanwhile
+
+
+def test_where_all_places_are_taken_the_largest_crowd_makes_room_and_not_the_newcomer() -> None:
+    ended: list[str] = []
+    places = Places(4, loopback=3, remote=3)
+    for n, address in enumerate(("192.0.2.7", "192.0.2.8", "192.0.2.8", "192.0.2.8")):
+        place = places.take(address)
+        assert place is not None
+        place.rest(lambda name=f"{n} of {address}": ended.append(name))  # type: ignore[misc]
+    assert places.take("192.0.2.7") is not None
+    assert ended == ["1 of 192.0.2.8"]

@@ -235,6 +235,50 @@ def test_only_a_greeting_that_was_cancelled_closes_its_connection(cancelled: boo
     assert connection.closed == closed
 
 
+def test_a_door_that_begins_takes_connections_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Uvicorn gets no socket: it would accept without any limit by address. One that blocks would hold up the loop."""
+    did: list[Any] = []
+
+    async def startup(_: object, sockets: list[Any]) -> None:
+        did.append(("application", sockets))
+
+    monkeypatch.setattr(uvicorn.Server, "startup", startup)
+
+    def part(name: str) -> Callable[..., Any]:
+        async def work(*what: Any) -> None:
+            did.append((name, *what))
+
+        return work
+
+    async def check(door: Any, _: Room) -> None:
+        door._take, door._let_in, door._tidy = part("takes"), part("lets in"), part("tidies")
+        listener = Connection()
+        await door.startup([listener])
+        await turns()
+        assert did == [("application", []), ("takes", listener), ("lets in",), ("tidies",)]
+        assert not listener.blocks
+
+    with_door(check)
+
+
+def test_who_has_said_nothing_yet_is_of_its_peer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And waits as others do; each arrival is sorted once."""
+    monkeypatch.setattr(module, "peer_of", lambda _: "peer")
+
+    class Silent(Connection):
+        def recv(self, size: int, flags: int) -> bytes:
+            raise BlockingIOError
+
+    async def check(door: Any, room: Room) -> None:
+        silent = Silent()
+        door._add(silent, ("192.0.2.7", 9))
+        door._sort()
+        door._sort()
+        assert (silent.closed, [party for _, _, party in room.added]) == (0, ["peer"])
+
+    with_door(check)
+
+
 # --- what is ended ------------------------------------------------------------------------------------
 
 

@@ -28,7 +28,7 @@ def test_a_page_that_was_unused_for_a_minute_makes_room_for_the_seventeenth(
     async def nothing(*_: Any) -> Any:
         return None
 
-    headers: Headers = [(b"host", HERE), (b"origin", b"http://127.0.0.1:1"), JSON]
+    headers: Headers = [(b"host", HERE), (b"origin", b"HTTP://127.0.0.1:1"), JSON]
     socket = WebSocket({**scope(headers=headers), "type": "websocket", "extensions": {}}, nothing, nothing)
     asyncio.run(Live(access, access.hub).serve(socket))
     assert asked == [("anna", 16, 60.0)]

@@ -437,3 +437,73 @@ def test_only_a_sound_message_closes_a_channel() -> None:
     channel._received = forged
     with pytest.raises(channel_module.ChannelRefused, match="not sound"):
         asyncio.run(channel.take(SimpleNamespace(MessageType=ua.MessageType.SecureClose), None))
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "journal"),
+    [
+        (ua.uaerrors.BadRequestTooLarge(), S.BadRequestTooLarge, ""),
+        (ValueError("x" * 500), S.BadSecurityChecksFailed, f"a message is not sound: ValueError('{'x' * 68}"),
+    ],
+)
+def test_a_message_that_is_not_sound_is_in_the_journal_and_one_that_is_too_long_is_not(
+    fault: Exception, status: int, journal: str
+) -> None:
+    """With eighty letters of what is wrong with it."""
+
+    def fails(*_: Any) -> None:
+        raise fault
+
+    channel = channel_of(b"certificate")
+    channel._secure = SimpleNamespace(receive_from_header_and_body=fails)
+    with pytest.raises(channel_module.ChannelRefused) as refused:
+        channel._received(None, None)
+    assert (refused.value.status, refused.value.journal) == (status, journal)
+
+
+@pytest.mark.parametrize(
+    ("token", "readable", "right", "refused", "tried"),
+    [
+        (ua.UserNameIdentityToken(), True, True, None, True),
+        (ua.UserNameIdentityToken(), True, False, S.BadUserAccessDenied, True),
+        (ua.UserNameIdentityToken(), False, True, S.BadIdentityTokenInvalid, False),
+        (ua.UserNameIdentityToken(EncryptionAlgorithm="urn:cipher"), True, True, None, True),
+        (ua.UserNameIdentityToken(EncryptionAlgorithm="urn:old"), True, True, S.BadIdentityTokenInvalid, False),
+        (ua.AnonymousIdentityToken(), True, True, S.BadIdentityTokenRejected, False),
+        (ua.X509IdentityToken(), True, True, S.BadIdentityTokenRejected, False),
+    ],
+)  # fmt: skip
+def test_only_a_password_that_can_be_read_is_tried(
+    monkeypatch: pytest.MonkeyPatch, token: Any, readable: bool, right: bool, refused: int | None, tried: bool
+) -> None:
+    admitted: list[Any] = []
+
+    async def admit(*who: Any) -> bool:
+        admitted.append(who[:2])
+        return right
+
+    def decrypt(*_: Any) -> tuple[str, None]:
+        if not readable:
+            raise UnicodeDecodeError("utf-8", b"", 0, 1, "no text")
+        return "anna", None
+
+    wanted = SimpleNamespace(UserIdentityToken=token, ClientSignature=SimpleNamespace(Signature=b""))
+    monkeypatch.setattr(channel_module, "judge_identity", lambda _: None)
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda *_: wanted)
+    channel = channel_of(b"abc")
+    channel.address = "192.0.2.7"
+    policy = SimpleNamespace(
+        host_certificate=b"", AsymmetricEncryptionURI="urn:cipher", peer_certificate=b"abc",
+        asymmetric_cryptography=SimpleNamespace(verify=lambda *_: None),
+    )  # fmt: skip
+    channel._secure = SimpleNamespace(security_policy=policy)
+    channel._wall.people = SimpleNamespace(admit=admit)
+    channel._wall.internal = SimpleNamespace(decrypt_user_token=decrypt)
+    activates = lambda: asyncio.run(  # noqa: E731
+        channel._may_activate(SimpleNamespace(nonce=b""), SimpleNamespace(copy=lambda: None))
+    )
+    if refused is None:
+        activates()
+    else:
+        assert status_of(activates) == refused
+    assert admitted == ([("anna", "")] if tried else [])

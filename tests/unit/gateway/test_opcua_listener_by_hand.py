@@ -342,3 +342,13 @@ def test_the_end_cuts_all_connections_off_and_waits_for_their_sessions() -> None
 
     asyncio.run(whole())
     assert did == ["closed", "cut off", "sessions ended", "library stopped"]
+
+
+def test_what_a_lost_connection_has_sent_is_not_carried_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(connection: Connection, wire: Wire, taken: list[bytes], wall: Wall) -> None:
+        connection.data_received(chunk(b"one"))
+        connection.connection_lost(None)
+        await turns()
+        assert not taken
+
+    on_a_wire(monkeypatch, check)

@@ -14,6 +14,7 @@ from asyncua.crypto.permission_rules import UserRole  # noqa: E402
 from gantryctl.errors import StateError  # noqa: E402
 from gantryctl.gateway.opcua import people as people_module  # noqa: E402
 from gantryctl.gateway.opcua.people import People, Reader  # noqa: E402
+from gantryctl.service.protocol.roles import Role  # noqa: E402
 from gantryctl.service.supervisor.users import User  # noqa: E402
 from support.opcua_by_hand import ANNA  # noqa: E402
 
@@ -140,6 +141,8 @@ def test_the_journal_has_address_and_certificate_of_who_logs_in_or_tries(
     )
     door.admit("right", "16 digits")
     door.admit("wrong", "16 digits", "eve")
-    assert [(who.user, who.place, more) for who, more in told] == [
-        (name, "opcua", {"address": "192.0.2.7", "client": "16 digits"}) for name in ("anna", "eve")
+    # Whoever could not log in has no role but that of everybody.
+    assert [(who.user, who.role, who.place, more) for who, more in told] == [
+        (name, Role.VIEWER, "opcua", {"address": "192.0.2.7", "client": "16 digits"})
+        for name in ("anna", "eve")
     ]

@@ -132,13 +132,17 @@ def test_the_library_is_told_its_limits_and_makes_nobody_an_administrator(
     monkeypatch.setattr(server_module, "AddressSpace", lambda _: SimpleNamespace(build=nothing))
     monkeypatch.setattr(server_module, "_say_limits", nothing)
     monkeypatch.setattr(server_module, "_identify", nothing)
-    settings = server_module.Settings("127.0.0.1", 4840, str(tmp_path), str(tmp_path))
+    settings = server_module.Settings("127.0.0.1", 4840, str(tmp_path / "root"), str(tmp_path / "machine"))
     listener, _ = asyncio.run(server_module.make_server(settings, SimpleNamespace(put=lambda *_: None)))  # type: ignore[arg-type]
     assert vars(internal) == {
         "allow_remote_admin": False, "supported_tokens": (ua.UserNameIdentityToken,),
         "max_session_timeout_ms": 60_000.0, "max_monitored_item_queue_size": 10,
         "max_unacked_messages_per_subscription": 20,
     }  # fmt: skip
+    # Users are those of the installation, clients those of the machine.
+    users: Any = listener.wall.people._users
+    assert users.path.parent == tmp_path / "root"
+    assert listener.wall.trust._trusted == tmp_path / "machine" / "opcua" / "trusted"
     limits: Any = listener.wall.limits
     assert (limits.max_message_size, limits.max_chunk_count) == (1_048_576, 16)
     assert told == ["urn:gantryctl:server", "opc.tcp://127.0.0.1:4840/gantryctl", 3]
@@ -195,3 +199,26 @@ def test_the_process_ends_with_its_parent_and_leaves_the_processor_to_the_scan(
     finally:
         logging.getLogger("asyncua").setLevel(level)
     assert did == [7, 4711, "nice 5", server_module.Settings("h", 1, "r", "d")]
+
+
+def test_clients_are_told_the_limits_that_they_have() -> None:
+    """OPC UA Part 5, section 6.3.11."""
+    told: dict[Any, Any] = {}
+
+    def get_node(node: Any) -> Any:
+        async def write_value(data: Any) -> None:
+            told[node.Identifier] = (data.Value.Value, data.Value.VariantType)
+
+        return SimpleNamespace(write_value=write_value)
+
+    asyncio.run(server_module._say_limits(SimpleNamespace(get_node=get_node)))  # type: ignore[arg-type]
+    wanted = {
+        "MaxSubscriptionsPerSession": 8, "MaxMonitoredItems": 1000, "OperationLimits_MaxNodesPerRead": 1000,
+        "OperationLimits_MaxNodesPerRegisterNodes": 1000, "OperationLimits_MaxNodesPerBrowse": 100,
+        "OperationLimits_MaxNodesPerTranslateBrowsePathsToNodeIds": 100,
+        "OperationLimits_MaxMonitoredItemsPerCall": 1000,
+    }  # fmt: skip
+    assert told == {
+        getattr(ua.ObjectIds, f"Server_ServerCapabilities_{name}"): (most, ua.VariantType.UInt32)
+        for name, most in wanted.items()
+    }

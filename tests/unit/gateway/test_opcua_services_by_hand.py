@@ -14,7 +14,7 @@ from asyncua.common.utils import NotEnoughData, ServiceError  # noqa: E402
 from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary  # noqa: E402
 
 from gantryctl.gateway.opcua import services as services_module  # noqa: E402
-from gantryctl.gateway.opcua.reading import Bounded  # noqa: E402
+from gantryctl.gateway.opcua.reading import Bounded, _skip_extension  # noqa: E402
 from support.opcua_by_hand import S, status_of  # noqa: E402
 
 
@@ -153,3 +153,12 @@ def test_a_null_list_is_an_empty_one() -> None:
     delete = services_module.READING[ua.ObjectIds.DeleteMonitoredItemsRequest_Encoding_DefaultBinary]
     made = delete(held("own"), body(ua.DeleteMonitoredItemsParameters(1, None)))
     assert struct_from_binary(ua.DeleteMonitoredItemsParameters, made).MonitoredItemIds == []
+
+
+@pytest.mark.parametrize(
+    ("encoding", "status"), [(2, S.BadDataEncodingUnsupported), (3, S.BadDataEncodingUnsupported)]
+)
+def test_a_body_that_is_not_in_bytes_is_refused_as_such(encoding: int, status: int) -> None:
+    """In XML, OPC UA Part 6, section 5.2.2.15: the library knows none. A type of two bytes, 0 and its number."""
+    assert status_of(lambda: _skip_extension(Bounded(bytes([0, 5, encoding])))) == status
+    assert _skip_extension(Bounded(bytes([0, 5, 0]))) == 5

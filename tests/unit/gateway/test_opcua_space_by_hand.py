@@ -40,12 +40,14 @@ def test_a_value_is_good_for_half_a_second_and_shown_for_5_s(age_ms: float, stat
         ("pos_act_deg", None, (None, S.BadSensorFailure)), ("vel_act_deg_s", None, (None, S.BadSensorFailure)),
         ("torque_act_nm", None, (None, S.BadSensorFailure)), ("target_deg", None, (None, S.BadOutOfService)),
         ("pos_act_deg", 5, (5.0, 0)), ("alarms", None, ("[]", 0)), ("brake_open", True, (True, 0)),
+        ("alarms", [{"text": "门"}], ('[{"text": "门"}]', 0)), ("scan", 7, (7, 0)),
     ],
 )  # fmt: skip
 def test_what_is_not_believed_and_what_nobody_measures_are_told_apart(
     name: str, value: object, shown: tuple[object, int]
 ) -> None:
-    assert _value(BY_NAME[name], value) == shown
+    found = _value(BY_NAME[name], value)
+    assert (found, type(found[0])) == (shown, type(shown[0]))
 
 
 class Node:
@@ -218,3 +220,47 @@ def test_a_variable_says_what_it_means_and_waits_for_its_first_value() -> None:
         ("Axis.Text", "Text"), (ua.AttributeIds.Description, "The whole line."), ("", S.BadWaitingForInitialData)
     ]  # fmt: skip
     assert [space_module._words(each) for each in ("ERROR_STOP", "STANDSTILL")] == ["ErrorStop", "Standstill"]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "meaning"),
+    [
+        ("pos_act_deg", ua.VariantType.Double, f"{BY_NAME['pos_act_deg'].meaning} deg"),
+        ("overload", ua.VariantType.Double, BY_NAME["overload"].meaning),
+        ("scan", ua.VariantType.Int64, BY_NAME["scan"].meaning),
+        ("power", ua.VariantType.Boolean, BY_NAME["power"].meaning),
+        ("axis_state", ua.VariantType.String, BY_NAME["axis_state"].meaning),
+    ],
+)
+def test_a_tag_is_told_with_its_unit_and_a_number_with_its_range(name: str, kind: Any, meaning: str) -> None:
+    """OPC UA Part 8, section 5.3.2.3: a number is an analogue item with range and unit."""
+    did: list[Any] = []
+
+    async def add(*what: Any) -> Any:
+        did.append(what)
+        return SimpleNamespace(delete_reference=away, add_reference=there, add_property=prop)
+
+    async def away(kind: Any, _: Any) -> None:
+        did.append(("no more", kind.Identifier))
+
+    async def there(kind: Any, _: Any) -> None:
+        did.append(("now", kind.Identifier))
+
+    async def prop(node: Any, named: Any, value: Any) -> str:
+        did.append((node.Identifier, named.Name, type(value).__name__))
+        return named.Name
+
+    made = AddressSpace(None)  # type: ignore[arg-type]
+    made._add = add  # type: ignore[method-assign]
+    asyncio.run(made._add_tag("parent", 2, BY_NAME[name], "Shown", "Block.Shown"))
+    assert did[0] == ("parent", 2, "Shown", kind, meaning, "Block.Shown")
+    if kind is not ua.VariantType.Double:
+        assert (did[1:], made._ranges) == ([], {})
+        return
+    ids = ua.ObjectIds
+    assert did[1:] == [
+        ("no more", ids.BaseDataVariableType), ("now", ids.AnalogItemType),
+        ("Block.Shown.EURange", "EURange", "Range"),
+        ("Block.Shown.EngineeringUnits", "EngineeringUnits", "EUInformation"),
+    ]  # fmt: skip
+    assert made._ranges == {"Block.Shown": (BY_NAME[name], "EURange")}

@@ -26,6 +26,9 @@ def test_every_row_of_a_list_is_revoked(tmp_path: Path, monkeypatch: pytest.Monk
     assert known.refresh()
     assert known._serials == {5, 7, 9}
     assert not known.refresh()
+    (tmp_path / "revoked" / "two").unlink()
+    assert known.refresh()
+    assert known._serials == {5, 7}
 
 
 @pytest.mark.parametrize(

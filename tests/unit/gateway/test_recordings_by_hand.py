@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
+from asyncio.subprocess import DEVNULL, PIPE
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from starlette.requests import Request
 
 from gantryctl.gateway import rest as rest_module
+from gantryctl.gateway import static as static_module
 from gantryctl.gateway import traces as traces_module
 from gantryctl.gateway.static import Page
 from gantryctl.gateway.traces import Recorded, Traces, _chunks
@@ -60,12 +62,15 @@ def test_a_reader_that_was_ended_is_waited_for(monkeypatch: pytest.MonkeyPatch) 
         async def wait(self) -> None:
             did.append("waited for")
 
-    async def started(*_: Any, **__: Any) -> Process:
+    async def started(*_: Any, **how: Any) -> Process:
+        # It has the recording alone, and no way to the terminal but its answer.
+        assert [how[end] for end in ("stdin", "stdout", "stderr")] == [DEVNULL, PIPE, DEVNULL]
+        assert how["pass_fds"] == (7,)
         return Process()
 
     monkeypatch.setattr(traces_module.asyncio, "create_subprocess_exec", started)
     reader = Recorded()
-    assert asyncio.run(reader.columns(0, "one", 0, 1)) is None
+    assert asyncio.run(reader.columns(7, "one", 0, 1)) is None
     assert (did, reader.busy) == (["killed", "waited for"], False)
 
 
@@ -122,3 +127,34 @@ def test_what_is_packed_for_one_browser_is_not_kept_for_another(tmp_path: Path) 
     for accepts, packed in ((b"gzip, br", "gzip"), (b"br", None)):
         answer = page.answer(Request(scope(headers=[(b"accept-encoding", accepts)])))
         assert (answer.headers["vary"], answer.headers.get("content-encoding")) == ("accept-encoding", packed)
+
+
+def test_a_file_has_its_kind_whatever_the_system_knows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A browser is told to guess nothing: a script of another kind does not run, and what is unknown is no page."""
+    monkeypatch.setattr(static_module.mimetypes, "guess_type", lambda _: (None, None))
+    wanted = {
+        "one.js": "text/javascript; charset=utf-8", "app.webmanifest": "application/manifest+json",
+        "one.bin": "application/octet-stream",
+    }  # fmt: skip
+    for name in wanted:
+        (tmp_path / name).write_text("x", encoding="utf-8")
+    page = Page(tmp_path)
+    answers = {name: page.answer(Request(scope(path=f"/{name}"))) for name in wanted}
+    assert {name: each.headers["content-type"] for name, each in answers.items()} == wanted
+
+
+def test_a_browser_that_has_a_file_is_told_how_long_it_is_good_for(tmp_path: Path) -> None:
+    """Its tag has 128 bits of the content."""
+    (tmp_path / "index.html").write_text("<html>", encoding="utf-8")
+    page = Page(tmp_path)
+    first = page.answer(Request(scope()))
+    tag = first.headers["etag"]
+    assert len(tag.strip('"')) == 32
+    again = page.answer(Request(scope(headers=[(b"if-none-match", tag.encode())])))
+    names = ("etag", "cache-control", "vary")
+    assert (again.status_code, [again.headers[name] for name in names]) == (
+        304,
+        [first.headers[n] for n in names],
+    )

@@ -155,6 +155,17 @@ def test_a_link_that_is_dead_opens_no_console(access: Access, monkeypatch: pytes
         assert access.open_console(Request(scope()), "0" * 16).status_code == status
 
 
+def test_a_link_that_a_proxy_has_carried_here_is_not_used_up(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[str] = []
+    monkeypatch.setattr(access_module, "local_user", lambda _: 1000)
+    monkeypatch.setattr(access.links, "take", lambda token, uid: used.append(token) or True)
+    for headers, found in (([(b"via", b"1.1 proxy")], []), ([], ["0" * 16])):
+        answer = access.open_console(Request(scope(headers=headers)), "0" * 16)
+        assert (answer.status_code, used) == (303 if found else 403, found)
+
+
 def test_strangers_on_this_machine_have_a_rate_too_for_what_is_no_file(access: Access) -> None:
     door, asked_for = guard(access), scope(path=f"{API}/status") | {"client": ("127.0.0.1", 1)}
     waits = [door._wait_s(asked_for) for _ in range(50)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import threading
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from types import SimpleNamespace
@@ -299,3 +300,55 @@ def test_half_of_an_answer_is_none_and_the_next_question_has_its_turn(
     recorded = traces.Recorded()
     assert asyncio.run(recorded.columns(0, "one", 0, 1)) == answer
     assert (recorded.busy, process.killed) == (False, code is None)
+
+
+def test_what_reads_memory_or_disk_for_long_does_it_beside_the_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Commands, a Stop above all, are taken there."""
+    made, where = routes(tmp_path), dict[str, bool]()
+
+    def reads(name: str, answer: Any) -> Callable[..., Any]:
+        def read(*_: object, **__: object) -> Any:
+            where[name] = threading.current_thread() is threading.main_thread()
+            return answer
+
+        return read
+
+    made._scans = SimpleNamespace(read=reads("samples", {}))  # type: ignore[assignment]
+    made._files = SimpleNamespace(  # type: ignore[assignment]
+        rows=reads("traces", []), open=reads("trace", None), handle=reads("columns", None)
+    )
+    for handler, path in (
+        (made._samples, {}),
+        (made._traces, {}),
+        (made._trace, {"id": "x"}),
+        (made._columns, {"id": "x"}),
+    ):
+        asked(handler, **path)  # type: ignore[arg-type]
+    for name, handler in (("journal", made._journal), ("notes", made._notes)):
+        monkeypatch.setattr(rest, "read_journal", reads(name, []))
+        asyncio.run(handler(Request({"type": "http", "method": "GET", "query_string": b"", "headers": []})))
+    assert where == dict.fromkeys(("samples", "traces", "trace", "columns", "journal", "notes"), False)
+
+
+def test_who_asks_too_often_is_told_to_come_again_in_a_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = routes(tmp_path)
+    made._recorded = Recorded(busy=True)  # type: ignore[assignment]
+    made._files.handle = lambda wanted: ("one", 4, os.open(tmp_path, os.O_RDONLY))  # type: ignore[method-assign]
+    monkeypatch.setattr(rest, "read_journal", lambda *_, **__: [])
+    waits = []
+    for handler in (made._samples, made._notes, made._columns):
+        for _ in range(25):
+            scope = {
+                "type": "http",
+                "method": "GET",
+                "query_string": b"",
+                "headers": [],
+                "path_params": {"id": "x"},
+            }
+            answer = asyncio.run(handler(Request(scope)))
+        waits.append((answer.status_code, answer.headers.get("retry-after")))
+    assert waits == [(429, "1")] * 3

@@ -334,3 +334,5 @@ def test_before_the_first_picture_a_frame_has_the_mark_of_time_0(desk: Desk) -> 
     desk.look()
     (status,) = sent(desk.hub.connect("anna", Role.OPERATOR, "console"), "status")
     assert re.fullmatch("0-[0-9a-f]{16}", status["frame"])
+    # All tags, of which there are none but the lists of alarms.
+    assert status["tags"] == {"alarms": [], "alarm_history": []}
