@@ -34,8 +34,13 @@ def test_the_loop_follows_on_both_sides(
     speeds = np.array([0.0, 0.0, 0.01, 0.01, 0.0, 0.0, 0.0, 0.0])
     errors = np.radians(np.array([0.009, 0.009, error_deg, 0.0, 0.008, 0.008, 0.001, -0.002]))
     trace = Recorded(vel_ref_rad_s=speeds, pos_err_rad=errors)
-    monkeypatch.setattr(steps_motion, "_move", lambda *_, **__: (trace, done))
+    asked: list[Any] = []
+    monkeypatch.setattr(
+        steps_motion, "_move", lambda c, part, *given, **how: (asked.append((*given, how)), (trace, done))[1]
+    )
     found = steps_motion.loop(context())
+    # By a degree and back, from where it stands, at the lowest speed.
+    assert asked == [((1.0, 0.0), 0.6, {"by": True})]
     assert (found.outcome is Outcome.PASSED) is passes
     # The second half of the rest after the move.
     assert found.number("rest_error_deg") == pytest.approx(0.002)

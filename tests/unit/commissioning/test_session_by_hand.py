@@ -299,6 +299,12 @@ def test_a_chord_test_goes_on_until_it_has_a_result_and_another_begins_anew(
     assert found.outcome is (Outcome.PASSED if complete else Outcome.FAILED)
     ended = ["stored"] if complete else []
     assert chord.did == ["may be stopped", ("read", not before), "down", ("commissioning", None), *ended]
+    # Where nothing of the one before is there any more, another one begins all the same.
+    chord.path.unlink(missing_ok=True)
+    chord.did.clear()
+    chord_test.accuracy(chord.context)
+    assert chord.did[1] == ("read", False)
+    chord.opened.pop()
     # Without the record that it is for, and seen by the person.
     assert chord.opened == [{"commissioning": True, "observer": "who watches"}]
 

@@ -76,6 +76,10 @@ def test_a_picture_has_few_points_and_leaves_out_what_is_unknown() -> None:
     assert picture is not None
     assert [panel.y_label for panel in picture.panels] == ["speed, deg/s", "way, deg"]
     assert motion_picture("nothing", still[:1]) is None
+    pushed = motion_picture("a push", [sample._replace(torque_nm=12.5) for sample in still])
+    assert pushed is not None
+    assert [panel.y_label for panel in pushed.panels][2:] == ["torque, N m"]
+    assert list(pushed.panels[2].lines[0].y) == [12.5] * 5
 
 
 @pytest.mark.slow

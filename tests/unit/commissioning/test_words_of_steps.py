@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gantryctl.commissioning import steps_bus, steps_lacks, steps_motion, steps_power
+from gantryctl.commissioning import STEPS, steps_bus, steps_lacks, steps_motion, steps_power, steps_sign
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.commissioning.stopping import steps_silence
 from gantryctl.commissioning.stopping.quick_stop import QuickStop
@@ -148,3 +148,50 @@ def test_a_torque_that_brakes_has_its_sign(step: Any) -> None:
     found = step(steps_power, "velocity", HandDrive(torque_nm=-12.5))
     assert found.number("torque_nm") == -12.5
     assert found.proof.endswith("mean torque -12.5 N m")
+
+
+def test_each_ramp_is_told_as_it_is_seen_with_what_it_would_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    c = context()
+    object.__setattr__(c, "say", said.append)
+    monkeypatch.setattr(steps_lacks, "_stop_from", lambda c, speed: QuickStop(1.0, 5.5, 0.0))
+    loads = SimpleNamespace(torque_motor_nm=300.0, torque_reducer_nm=20e3)
+    monkeypatch.setattr(steps_lacks, "worst_stop", lambda *_: loads)
+    monkeypatch.setattr(steps_lacks, "within_ratings", lambda *_: True)
+    steps_lacks.ramp(c)
+    assert said == [
+        f"  from {speed} deg/s: 5.50 deg/s2; from 6 deg/s that is 300 N m at the motor, 20.0 kN m at the reducer"
+        for speed in ("0.3", "0.6", "1", "2", "3")
+    ]
+
+
+@pytest.mark.parametrize("key", ["pdo", "sync", "sign", "velocity", "brake"])
+def test_a_step_takes_the_time_of_the_axis_that_people_are_told(
+    key: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within 20 %: what is left is said in minutes and seconds, and a step is not measured anew for each machine."""
+    asked = next(each for each in STEPS if each.key == key)
+    drive: Any = HandDrive()
+    drive.process.answer_times_s, drive.process.counts = [0.001], 0
+    drive.sdo.values |= {0x6041: 0x0250, 0x6064: 0}
+    drive.process.statusword = 0x0250
+    encoder = {
+        "inverted": False,
+        "increments_per_turn": 524_288,
+        "turns": 4096,
+        "position_around_zero": False,
+    }
+    drive.settings = SimpleNamespace(**vars(drive.settings), **encoder)
+    drive.health = lambda: SimpleNamespace(scans=1000, missed=(0,), late=(0,))
+    c = context()
+    module = {"pdo": steps_bus, "sync": steps_bus, "sign": steps_sign}.get(key, steps_power)
+
+    @contextmanager
+    def opened(c: Any, leash_deg: float, part: str = "", *, following: bool = True) -> Iterator[Any]:
+        axis = axis_of(drive, leash_deg, following=following)
+        axis._watch = c.watch
+        yield axis
+
+    monkeypatch.setattr(module, "open_loop_axis", opened)
+    asked.run(c)
+    assert c.watch.meter.done == pytest.approx(asked.lasts_s(MACHINE), rel=0.2)

@@ -9,12 +9,15 @@ from typing import NamedTuple
 
 import pytest
 
+from gantryctl.image import DigitalInputs, DriveState
+from gantryctl.program import BrakeTestOutcome
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.words import Said
+from gantryctl.program.alarms.words import Said, Words, drive_state_words
 from gantryctl.units import rad
 from unit.program import judges
 from unit.program.judges import Acts
 from unit.program.parts import BOTH, Parts
+from unit.program.rig import RATIO, Rig, moving_rig, settings
 
 approx = pytest.approx
 
@@ -82,3 +85,66 @@ def _near(key: str, value: float | Way, way: float) -> object:
     size = way * value.value if isinstance(value, Way) else value
     # A scan of 1 ms more or less until a time is over.
     return approx(size, abs=1.01 if key == "time_ms" else 1e-2 if key == "rate" else 1e-3)
+
+
+def slow_rig(at_deg_s: float = 0.0) -> Rig:
+    """At scans of 4 ms, so that no scan is a millisecond."""
+    config = settings(period_s=0.004)
+    return moving_rig(config=config, speed_deg_s=at_deg_s) if at_deg_s else Rig(config=config)
+
+
+def test_a_brake_that_does_not_open_is_told_in_milliseconds() -> None:
+    """100 ms to open and 300 for its contact."""
+    rig = slow_rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=False)
+    rig.op(power=True)
+    rig.until(lambda: bool(rig.codes), 5.0)
+    assert rig.first.code == "BRK-01"
+    assert rig.first.values == {"time_ms": approx(404.0), "limit": approx(400.0)}
+
+
+def test_a_drive_that_leaves_its_state_is_told_with_the_state_that_it_shows() -> None:
+    rig = slow_rig(3.0)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON)
+    rig.step()
+    assert rig.first.values == {"measured": drive_state_words(DriveState.SWITCHED_ON)}
+
+
+def test_channels_that_differ_are_told_in_milliseconds() -> None:
+    rig = slow_rig()
+    rig.drive.inputs = DigitalInputs(estop_ok=True, estop_ok_2=False)
+    rig.until(lambda: Code.INT_04 in rig.axis.alarms.active, 1.0)
+    assert rig.axis.alarms.active[Code.INT_04].values == {"time_ms": approx(500.0), "limit": approx(500.0)}
+
+
+def test_an_old_reading_is_told_in_milliseconds() -> None:
+    """30 ms are seven scans and a half."""
+    rig = slow_rig(3.0)
+    rig.spoil = lambda drive: drive._replace(age_scans=9)
+    rig.step()
+    assert rig.axis.alarms.active[Code.CAN_07].values == {"measured": approx(36.0), "limit": approx(28.0)}
+
+
+@pytest.mark.parametrize(("commanded", "words"), [(True, Words.WHILE_COMMANDED), (False, Words.WHILE_READ)])
+def test_a_frozen_reading_is_told_with_the_speed_that_it_should_have_shown(
+    commanded: bool, words: Words
+) -> None:
+    """5 deg/s are commanded behind 3 that were read, or nothing behind 5."""
+    parts = Parts()
+    feedback = parts.feedback
+    feedback._vel_before = rad(3.0 if commanded else 5.0)
+    feedback.unchanged_scans = 20
+    feedback.report_frozen(rad(5.0) * RATIO if commanded else 0.0)
+    measured: object = parts.alarms.active[Code.ENC_02].values["measured"]
+    assert isinstance(measured, Said)
+    assert (measured.words, measured.values["value"]) == (words, approx(5.0))
+
+
+def test_a_contact_that_opens_in_the_first_scan_of_torque_fails_the_brake() -> None:
+    rig = Rig()
+    rig.op(brake_test=True)
+    test = rig.axis.brake_test
+    rig.until(lambda: test.running, 2.0)
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.step()
+    assert (test.outcome, test.words) == (BrakeTestOutcome.FAILED, Words.BRAKE_CONTACT_OPEN)
