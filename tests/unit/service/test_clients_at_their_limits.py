@@ -263,11 +263,27 @@ def test_a_first_row_that_had_to_wait_says_how_many_it_stands_for() -> None:
         made.log.put_text(ANNA, "read", "x", f"action {n}", NOT_YOURS)
     for _ in range(2):
         assert made.log.put(ANNA, HALT, NOT_YOURS) == 0
-    made.now_s += 10.0
     made.rows()
-    for _ in range(200):
-        made.log.look()
-    assert [row["values"].get("count") for row in made.rows()] == [2]
+    # One row more in ten seconds.
+    for counts in ([], [2]):
+        made.now_s += 5.0
+        for _ in range(200):
+            made.log.look()
+        assert [row["values"].get("count") for row in made.rows()] == counts
+
+
+@pytest.mark.parametrize(
+    ("kind", "written"),
+    [("note", "note"), ("set", "setting"), ("take", "authority"), ("give", "authority"), ("halt", "command")],
+)
+def test_a_refusal_has_the_kind_of_its_command_and_what_is_known_beside_it(kind: str, written: str) -> None:
+    made = Refused()
+    values = {"tag": "increment_deg", "over": False}
+    made.log.put(ANNA, Message(kind, 1, "", 1, values), NOT_YOURS, {"address": "192.0.2.7"})
+    (row,) = made.rows()
+    assert row["kind"] == written
+    assert row["values"]["code"] == "SEC-07"
+    assert row["values"]["address"] == "192.0.2.7"
 
 
 def test_an_account_that_has_used_its_rows_up_takes_none_from_another() -> None:

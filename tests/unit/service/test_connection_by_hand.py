@@ -336,3 +336,23 @@ def test_before_the_first_picture_a_frame_has_the_mark_of_time_0(desk: Desk) -> 
     assert re.fullmatch("0-[0-9a-f]{16}", status["frame"])
     # All tags, of which there are none but the lists of alarms.
     assert status["tags"] == {"alarms": [], "alarm_history": []}
+
+
+@pytest.mark.parametrize("source", [Source.WEB, Source.LOCAL])
+def test_each_door_writes_its_own_events(desk: Desk, monkeypatch: pytest.MonkeyPatch, source: Source) -> None:
+    """A ring has one writer. What was held up is an event of the service."""
+    tells: list[Any] = []
+    hub = Hub(desk.memory, source, lambda: desk.now_s)
+
+    def looked() -> None:
+        raise asyncio.CancelledError
+
+    monkeypatch.setattr(
+        module, "HeldUp", lambda name, tell: tells.append(tell) or SimpleNamespace(look=looked)
+    )
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(hub._look_on())
+    tells[0]("it was held up for 2.0 s")
+    found = [[json.loads(record or b"") for record in ring.peek(9)] for ring in desk.memory.events]
+    assert [len(rows) for rows in found] == [int(ring is source) for ring in sorted(Source)]
+    assert (found[source][0]["kind"], found[source][0]["text"]) == ("service", "it was held up for 2.0 s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
@@ -236,3 +237,54 @@ def test_a_renewal_waits_for_no_time_that_is_over(
 def test_a_service_has_three_seconds_for_an_answer(desk: Desk, tmp_path: Path) -> None:
     desk.open(tmp_path)
     assert desk.socket.timeouts == [3.0]
+
+
+def test_a_sign_of_life_is_one_and_a_renewal_waits_for_the_next_frame(desk: Desk, tmp_path: Path) -> None:
+    """Whatever comes in between."""
+    link = desk.open(tmp_path)
+    link.alive()
+    assert [each["type"] for each in desk.socket.sent[1:]] == ["alive"]
+    desk.socket.lines = [reply() | {"seq": 1}, status("f2"), status("f3")]
+    link._drain()
+    assert (link.frame, len(desk.socket.lines)) == ("f2", 1)
+
+
+@pytest.mark.parametrize(
+    ("said", "link"),
+    [
+        (b'{"link":"http://page/1"}\n', "http://page/1"), (b'{"link":""}\n', ""), (b"", None),
+        (b'{"more":1}\n', None),
+    ],
+)  # fmt: skip
+def test_a_link_to_the_page_is_asked_for_within_three_seconds(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, said: bytes, link: str | None
+) -> None:
+    """Without a page there is none; what is no answer is a service that is silent."""
+    did: list[Any] = []
+
+    class Asking:
+        def __enter__(self) -> Asking:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            did.append("closed")
+
+        def settimeout(self, time_s: float) -> None:
+            did.append(time_s)
+
+        def connect(self, _: object) -> None:
+            pass
+
+        def sendall(self, data: bytes) -> None:
+            did.append(data)
+
+        def makefile(self, _: str) -> io.BytesIO:
+            return io.BytesIO(said)
+
+    monkeypatch.setattr(module.socket, "socket", lambda *_: Asking())
+    if link is None:
+        with pytest.raises(DeviceError, match="no service answers"):
+            module.console_link(tmp_path)
+    else:
+        assert module.console_link(tmp_path) == link
+    assert did == [3.0, b'{"console":true}\n', "closed"]

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from gantryctl.errors import StateError
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.clients import local
 from gantryctl.service.clients.hub import Flooded
@@ -207,3 +208,43 @@ def test_the_service_role_is_that_of_root_and_of_the_user_of_the_service(
     connection: Any = SimpleNamespace(getsockopt=lambda *_: struct.pack("3i", 77, uid, 5))
     found = local.peer(connection)
     assert (found[0], found[2]) == (uid, role)
+
+
+def test_what_sends_to_a_connection_ends_with_it(desk: Desk) -> None:
+    serve = desk.server._serve
+
+    async def sends(*_: Any, **__: Any) -> None:
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            desk.did.append("sender ended")
+            raise
+
+    async def watched(*ends: Any) -> None:
+        await serve(*ends)
+        await asyncio.sleep(0)
+        desk.did.append("a turn later")
+
+    desk.server._send = sends  # type: ignore[method-assign]
+    desk.server._serve = watched  # type: ignore[method-assign]
+    assert desk.serve(line(watch=True), b"one\n")[-2:] == ["sender ended", "a turn later"]
+
+
+def test_a_line_of_the_socket_has_16_kib_and_a_folder_that_is_not_there_is_told(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limits: list[Any] = []
+
+    async def start(_: Any, *, sock: Any, limit: int) -> Any:
+        sock.close()
+        limits.append(limit)
+        return SimpleNamespace(close=lambda: None)
+
+    monkeypatch.setattr(local.asyncio, "start_unix_server", start)
+    desk.server._directory = tmp_path
+    asyncio.run(desk.server.start())
+    assert limits == [16_384]
+    desk.server.close()
+    desk.server._directory = tmp_path / "none"
+    with pytest.raises(StateError, match=f"{SERVICE_SOCKET}: No such file or directory"):
+        asyncio.run(desk.server.start())

@@ -16,11 +16,15 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory import events as events_module
 from gantryctl.service.memory import memory as module
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.frame_ring import LinkOpened, RingFrames, unpacked
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import JournalHealth, JournalState, SharedMemory, Word
 from gantryctl.service.memory.ring import Ring
+from gantryctl.service.memory.seqlock import SequenceLock
 from gantryctl.service.memory.snapshot import FAST, Snapshot, publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.roles import Role
 from support.service_bench import ring
 
 
@@ -265,3 +269,49 @@ def test_a_ring_has_as_many_places_as_fit_behind_its_numbers() -> None:
     """192 bytes of them; places of 40 bytes."""
     for length, slots in ((192 + 3 * 40, 3), (192 + 3 * 40 + 39, 3), (192 + 4 * 40, 4)):
         assert Ring(memoryview(bytearray(length)), 40).slots == slots
+
+
+# --- what a record says -----------------------------------------------------------------------------------------------
+
+
+def test_an_event_has_one_line_and_the_time_of_its_computer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither a name nor a text forges a line of a log."""
+    monkeypatch.setattr(events_module, "time", SimpleNamespace(monotonic_ns=lambda: 7_000_000_123))
+    made = ring(4)
+    EventLog(made).put("login", "in\rout", Identity("c\x1b1", "an\nna", Role.OPERATOR, "console"), n=1)
+    found = json.loads(made.take() or b"")
+    del found["utc"]
+    assert found == {
+        "monotonic_ns": 7_000_000_123, "kind": "login", "user": "an\ufffdna", "role": "operator",
+        "client": "c\ufffd1", "place": "console", "text": "in\ufffdout", "values": {"n": 1},
+    }  # fmt: skip
+
+
+def test_a_link_of_the_bus_has_the_first_sixteen_bytes_of_its_name() -> None:
+    """A letter that is cut in two ends no recorder."""
+    made = ring(4, 40)
+    frames = RingFrames(made)
+    for channel, virtual in (("can0", False), ("x" * 15 + "é", True)):
+        frames.link(channel, virtual=virtual)
+    assert [unpacked(made.take() or b"") for _ in range(2)] == [
+        LinkOpened("can0", virtual=False), LinkOpened("x" * 15 + "\ufffd", virtual=True)
+    ]  # fmt: skip
+
+
+def test_a_record_is_no_longer_than_its_place() -> None:
+    """One byte more would lie in the next one."""
+    made = ring(2, 32)
+    for length, taken in ((24, True), (25, False), (32, False)):
+        if taken:
+            assert made.put(b"x" * length)
+            continue
+        with pytest.raises(UsageError, match=f"record of {length} bytes: a slot takes 24"):
+            made.put(b"x" * length)
+    assert made.peek(9) == [b"x" * 24]
+    with pytest.raises(UsageError, match="slot of 36 bytes: a multiple of 8 is needed"):
+        Ring(memoryview(bytearray(400)), 36)
+    lock = SequenceLock(memoryview(bytearray(40)))
+    lock.publish(b"x" * 16)
+    with pytest.raises(UsageError, match="record of 17 bytes: there is room for 16"):
+        lock.publish(b"y" * 17)
+    assert lock.read() == b"x" * 16

@@ -14,8 +14,8 @@ import pytest
 from gantryctl.errors import UsageError
 from gantryctl.service.clients import console_link, recorded
 from gantryctl.service.clients import hub as hub_module
-from gantryctl.service.clients.console_link import LinkGiver
-from gantryctl.service.memory.memory import Source
+from gantryctl.service.clients.console_link import LinkGiver, LinkTaker
+from gantryctl.service.memory.memory import Source, Word
 from gantryctl.service.protocol.messages import compact, reply_to
 from gantryctl.service.protocol.roles import Role
 from support.marks import UNKNOWN
@@ -104,6 +104,11 @@ def test_a_link_has_sixty_three_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console_link, "secrets", SimpleNamespace(randbits=lambda bits: 2**bits - 1))
     words: Any = {}
     assert LinkGiver(words, "http://localhost/", lambda: 7).give(1000).endswith(f"/{2**63:016x}")
+
+
+def test_a_link_of_letters_that_there_are_not_opens_nothing() -> None:
+    words: Any = {Word.LINK: 5, Word.LINK_UID: 1000, Word.LINK_UNTIL_NS: 61_000_000_000}
+    assert not LinkTaker(words, lambda: 500_000_000).take("\udc80" * 16, 1000)
 
 
 # --- the reader of curves ---------------------------------------------------------------------------------------------

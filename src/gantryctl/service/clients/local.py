@@ -54,10 +54,10 @@ class LocalServer:
     async def start(self) -> None:
         """Listen; StateError if the socket cannot be made."""
         path = self._directory / SERVICE_SOCKET
+        made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             # The state directory is locked by this service's controller: a socket that is there is a left-over.
             path.unlink(missing_ok=True)
-            made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             with PeerName(self._directory) as address:
                 made.bind(address)
             path.chmod(0o600)
@@ -66,6 +66,7 @@ class LocalServer:
                 os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
                 path.chmod(0o660)
         except OSError as fault:
+            made.close()
             raise StateError(f"{path}: {fault.strerror or fault}") from fault
         self._server = await asyncio.start_unix_server(self._serve, sock=made, limit=MESSAGE_MAX)
 
