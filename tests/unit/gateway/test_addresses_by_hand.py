@@ -28,6 +28,10 @@ def test_hosts_have_small_letters_and_brackets() -> None:
     made = Settings("2001:DB8::1", 443, -1, "c", "k", ("Gantry.Example",), Path(), Path())
     assert made.hosts == {"[2001:db8::1]:443", "[2001:db8::1]", "gantry.example:443", "gantry.example"}
     assert made._replace(port=80).hosts == {"[2001:db8::1]:80", "gantry.example:80"}
+    # A service on the network is not reached by the names of this machine: any page of it could ask for them.
+    assert made._replace(host="0.0.0.0", port=8650, names=()).hosts == {"0.0.0.0:8650"}  # noqa: S104
+    here = made._replace(host="localhost", port=8650, names=())
+    assert here.hosts == {"localhost:8650", "127.0.0.1:8650", "[::1]:8650"}
     plain = made._replace(certificate=None, port=80)
     assert plain.hosts == {"[2001:db8::1]:80", "[2001:db8::1]", "gantry.example:80", "gantry.example"}
 

@@ -124,3 +124,35 @@ def test_seventeen_pages_of_one_user_are_one_too_many(
     asked = {**scope(headers=headers), "type": "websocket", "extensions": {"websocket.http.response": {}}}
     asyncio.run(Live(access, access.hub).serve(WebSocket(asked, nothing, send)))
     assert (sent[0]["type"], sent[0]["status"]) == ("websocket.http.response.start", 429)
+
+
+def test_a_message_without_letters_is_one(access: Access) -> None:
+    """It is refused as any other that is no JSON; what is binary ends the connection."""
+    taken: list[str] = []
+    coming = [{"type": "websocket.receive", "text": ""}, {"type": "websocket.receive", "bytes": b"x"}]
+
+    async def receive() -> dict[str, Any]:
+        return coming.pop(0)
+
+    socket, client = SimpleNamespace(receive=receive), SimpleNamespace(take=taken.append)
+    code = asyncio.run(Live(access, access.hub)._receive(socket, client))  # type: ignore[arg-type]
+    assert (taken, code) == ([""], 1008)
+
+
+def test_a_page_that_was_used_a_moment_ago_is_in_use_when_its_session_is_judged(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a page that only commands would end with the time in which nothing was read."""
+    judged: list[float] = []
+    session = access.sessions.open(ANNA, "here")
+    client = access.hub.connect("anna", Role.OPERATOR, "console")
+    client.used_s = session.used_s + 5.0
+    client.show()
+
+    async def send_text(_: str) -> None:
+        pass
+
+    monkeypatch.setattr(access.sessions, "lives", lambda each: judged.append(each.used_s))
+    socket: Any = SimpleNamespace(send_text=send_text)
+    assert asyncio.run(Live(access, access.hub)._send(socket, client, session)) == 4401
+    assert judged == [client.used_s]

@@ -507,3 +507,20 @@ def test_only_a_password_that_can_be_read_is_tried(
     else:
         assert status_of(activates) == refused
     assert admitted == ([("anna", "")] if tried else [])
+
+
+def test_of_a_chain_the_certificate_of_the_client_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the first one (OPC UA Part 6, section 6.7.2.3): here of two bytes each."""
+    judged: list[bytes] = []
+
+    def judge(certificate: bytes) -> None:
+        judged.append(certificate)
+        raise trust.NotTrusted("it is not in the trust list")
+
+    asked = SimpleNamespace(SecurityPolicyURI=POLICY, SenderCertificate=b"0\x02ab0\x02cd")
+    monkeypatch.setattr(channel_module, "struct_from_binary", lambda *_: asked)
+    channel = channel_of(b"", judge=judge)
+    channel._open, channel._wall.policies = False, {POLICY: None}
+    with pytest.raises(channel_module.ChannelRefused, match="not in the trust list"):
+        channel._open_channel(SimpleNamespace(body_size=0), SimpleNamespace(copy=lambda _: None))
+    assert judged == [b"0\x02ab"]

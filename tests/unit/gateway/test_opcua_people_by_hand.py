@@ -146,3 +146,13 @@ def test_the_journal_has_address_and_certificate_of_who_logs_in_or_tries(
         (name, Role.VIEWER, "opcua", {"address": "192.0.2.7", "client": "16 digits"})
         for name in ("anna", "eve")
     ]
+
+
+def test_the_journal_has_the_address_of_a_refused_client_and_why(
+    door: Door, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[Any] = []
+    monkeypatch.setattr(door.people._events, "put", lambda *what, **more: told.append((what, more)))
+    door.people.refused("192.0.2.7", 3, "a stranger")
+    text = "OPC UA: a client was refused, 3 times: a stranger"
+    assert told == [(("login", text), {"address": "192.0.2.7"})]

@@ -132,7 +132,7 @@ def test_the_library_is_told_its_limits_and_makes_nobody_an_administrator(
     monkeypatch.setattr(server_module, "AddressSpace", lambda _: SimpleNamespace(build=nothing))
     monkeypatch.setattr(server_module, "_say_limits", nothing)
     monkeypatch.setattr(server_module, "_identify", nothing)
-    settings = server_module.Settings("127.0.0.1", 4840, str(tmp_path / "root"), str(tmp_path / "machine"))
+    settings = server_module.Settings("127.0.0.1", 4841, str(tmp_path / "root"), str(tmp_path / "machine"))
     listener, _ = asyncio.run(server_module.make_server(settings, SimpleNamespace(put=lambda *_: None)))  # type: ignore[arg-type]
     assert vars(internal) == {
         "allow_remote_admin": False, "supported_tokens": (ua.UserNameIdentityToken,),
@@ -145,7 +145,7 @@ def test_the_library_is_told_its_limits_and_makes_nobody_an_administrator(
     assert listener.wall.trust._trusted == tmp_path / "machine" / "opcua" / "trusted"
     limits: Any = listener.wall.limits
     assert (limits.max_message_size, limits.max_chunk_count) == (1_048_576, 16)
-    assert told == ["urn:gantryctl:server", "opc.tcp://127.0.0.1:4840/gantryctl", 3]
+    assert told == ["urn:gantryctl:server", "opc.tcp://127.0.0.1:4841/gantryctl", 3]
 
 
 @pytest.mark.parametrize("fails", [False, True])

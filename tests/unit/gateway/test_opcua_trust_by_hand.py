@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+from cryptography import x509  # noqa: E402
+
 from gantryctl.gateway.opcua import trust  # noqa: E402
 
 
@@ -105,3 +107,25 @@ def test_only_the_service_adds_a_client(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("trusted", "revoked")] == [0o700] * 2
+
+
+@pytest.mark.parametrize(
+    ("names", "speaks"),
+    [
+        (["urn:own"], True), (["urn:other", "urn:own"], True), (["urn:other"], False), ([], False),
+        (x509.ExtensionNotFound("none", x509.SubjectAlternativeName.oid), False), (ValueError("broken"), False),
+    ],
+)  # fmt: skip
+def test_a_certificate_speaks_for_the_application_that_it_names(names: Any, speaks: bool) -> None:
+    """And for none where it names none."""
+
+    def extension(kind: Any) -> Any:
+        assert kind is x509.SubjectAlternativeName
+        if isinstance(names, Exception):
+            raise names
+        found = {x509.UniformResourceIdentifier: names, x509.DNSName: ["urn:own"]}
+        return SimpleNamespace(value=SimpleNamespace(get_values_for_type=found.__getitem__))
+
+    certificate: Any = SimpleNamespace(extensions=SimpleNamespace(get_extension_for_class=extension))
+    application: Any = SimpleNamespace(ApplicationUri="urn:own")
+    assert trust.speaks_for(certificate, application) is speaks

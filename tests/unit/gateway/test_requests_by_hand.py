@@ -288,3 +288,16 @@ def test_a_right_password_takes_the_failures_of_its_peer_away(
     tries = [*["wrong"] * 4, "right"] * 2
     statuses, checked = logins(access, monkeypatch, *tries)
     assert (statuses, checked) == ([*[401] * 4, 200] * 2, tries)
+
+
+def test_a_longer_name_is_another_one(access: Access, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Failures are counted by its first 64 letters, and all of it is looked for among the users."""
+    checked: list[str] = []
+
+    async def check(name: str, _: str) -> None:
+        checked.append(name)
+
+    monkeypatch.setattr(access, "_check", check)
+    asyncio.run(access.log_in(Request(scope("POST")), "a" * 65, "guess"))
+    assert checked == ["a" * 65]
+    assert list(access.locks._failures) == [("a" * 64, "192.0.2.7")]
