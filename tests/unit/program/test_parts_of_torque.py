@@ -182,6 +182,9 @@ def test_a_shaft_that_is_pushed_for_10_ms_and_stands_is_held(period_s, way, comm
     assert seconds == (approx(in_scans(0.010, period_s), abs=1.01 * period_s) if held else math.inf)
     assert parts.codes == (["BRK-14"] if held else [])
     assert parts.feedback.in_doubt is held
+    if held:
+        said = {"measured": way * push_nm, "speed": way * share * command, "command": way * command}
+        assert parts.alarms.active[Code.BRK_14].values == approx(said)
 
 
 @BOTH

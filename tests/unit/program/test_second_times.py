@@ -251,6 +251,16 @@ def test_a_key_that_was_refused_moves_only_when_it_is_pressed_again(by_hand):
     assert rig.vel_deg_s == pytest.approx(2.0)
 
 
+def test_a_halt_is_done_while_its_level_stays():
+    """The block is called when it has something to show: no input changes until the axis stands."""
+    rig = moving_rig()
+    rig.op(halt=True)
+    assert rig.program.halt.busy
+    rig.until(lambda: rig.axis.virtual.at_rest, 5.0)
+    rig.run(0.1)
+    assert (rig.program.halt.busy, rig.program.halt.done) == (False, True)
+
+
 def test_a_speed_that_was_refused_is_no_speed_of_the_jog_under_way(by_hand):
     """1 deg/s needs no switch; 99 deg/s are refused, and the jog goes on as it was."""
     rig = by_hand

@@ -212,3 +212,15 @@ def test_a_load_of_which_one_part_was_not_seen_is_not_known(angle_deg: float, mi
         model.add(sample.pos_rad + rad(angle_deg), *sample[1:])
     assert not model.learned
     assert model._cov[0][0] > model._cov[1][1] if missing == "sine" else model._cov[1][1] > model._cov[0][0]
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_a_sample_that_is_no_number_teaches_nothing(place: int) -> None:
+    """Angle, speed, acceleration or torque: one of them would make every weight no number, for good."""
+    model = TorqueModel(RATIO, RATED_NM)
+    sample = [0.5, rad(3.0), 0.0, 12.0]
+    model.add(*sample)
+    before = list(model._weights)
+    sample[place] = math.nan if place != 1 else math.inf
+    model.add(*sample)
+    assert model._weights == before
