@@ -158,6 +158,7 @@ def test_only_rows_that_are_too_slow_are_named_as_that() -> None:
     (reason,) = ledger_reasons(REAL, rows)
     assert "PROVEN 0.5" in str(reason.values["lacks"])
     assert "0.6" not in str(reason.values["lacks"])
+    assert ledger_reasons(REAL, rows[1:]) == ()
     assert "5.4" not in str(reason.values["lacks"])
 
 

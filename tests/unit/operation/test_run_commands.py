@@ -22,7 +22,7 @@ from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg
 from support.modulo_machine import modulo_machine
 
-from .kept_bench import IDEAL, kept_machine
+from .kept_bench import IDEAL, MACHINE, kept_machine
 
 approx = pytest.approx
 
@@ -453,3 +453,24 @@ def test_a_report_begins_with_the_scan_before_its_motion() -> None:
     begun_s = run.engine.time_s
     assert run.move(1.0, 6.0).from_s == begun_s
     run.close("done")
+
+
+def test_a_brake_test_that_is_refused_is_not_the_one_before() -> None:
+    """The first one passes; with power on there is no other."""
+    run = AxisRun(MACHINE)
+    assert run.test_brake().done
+    run.power_up()
+    with pytest.raises(CommandRefused, match="power"):
+        run.test_brake()
+    run.close("done")
+
+
+def test_nobody_is_shown_the_end_of_a_run() -> None:
+    """Whoever has looked may be gone: a display that fails then would stop an axis that is at rest."""
+    run, seen = AxisRun(IDEAL), list[Snapshot]()
+    run.observe(seen.append)
+    run.power_up()
+    shown = len(seen)
+    assert shown
+    run.close("done")
+    assert len(seen) == shown
