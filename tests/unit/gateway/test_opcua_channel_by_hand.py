@@ -524,3 +524,16 @@ def test_of_a_chain_the_certificate_of_the_client_is_judged(monkeypatch: pytest.
     with pytest.raises(channel_module.ChannelRefused, match="not in the trust list"):
         channel._open_channel(SimpleNamespace(body_size=0), SimpleNamespace(copy=lambda _: None))
     assert judged == [b"0\x02ab"]
+
+
+@pytest.mark.parametrize(("length", "whole"), [(2**20, True), (2**20 + 1, False)])
+def test_an_answer_has_a_mebibyte_at_most(monkeypatch: pytest.MonkeyPatch, length: int, whole: bool) -> None:
+    sent: list[Any] = []
+    monkeypatch.setattr(channel_module, "struct_to_binary", lambda _: bytes(length))
+    monkeypatch.setattr(channel_module.UaProcessor, "send_response", lambda _, *what: sent.append(what[:3]))
+    answers: Any = object.__new__(channel_module.Answers)
+    answers.send_response(7, "sequence", "an answer")
+    ((handle, sequence, answer),) = sent
+    assert (handle, sequence, answer == "an answer") == (7, "sequence", whole)
+    if not whole:
+        assert answer.ResponseHeader.ServiceResult.value == S.BadResponseTooLarge

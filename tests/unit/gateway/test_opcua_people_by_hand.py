@@ -156,3 +156,11 @@ def test_the_journal_has_the_address_of_a_refused_client_and_why(
     door.people.refused("192.0.2.7", 3, "a stranger")
     text = "OPC UA: a client was refused, 3 times: a stranger"
     assert told == [(("login", text), {"address": "192.0.2.7"})]
+
+
+def test_no_password_is_an_empty_one_for_the_library(door: Door, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It asks with None for what a client has sent empty."""
+    monkeypatch.setattr(door.people._users, "check", lambda *_: ANNA)
+    assert door.admit("")
+    assert door.people.get_user(None, "anna", None, b"certificate") == Reader(UserRole.User, "anna", ANNA)
+    assert door.people.get_user(None, "anna", None, b"certificate") is None

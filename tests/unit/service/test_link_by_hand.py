@@ -29,6 +29,7 @@ class Socket:
         self.lines: list[Any] = []
         self.answers: dict[str, list[Any]] = {}
         self.timeouts: list[float] = []
+        self.sent_within_s: list[float] = []
         self.closed = 0
         self.breaks: OSError | None = None
 
@@ -47,6 +48,7 @@ class Socket:
         assert data.endswith(b"\n")
         message = json.loads(data)
         self.sent.append(message)
+        self.sent_within_s.append(self.timeouts[-1])
         for made in self.answers.get(message.get("type", ""), []):
             line = made() if callable(made) else made
             asked = isinstance(line, dict) and line["type"] == "reply"
@@ -188,7 +190,8 @@ def test_a_held_key_is_renewed_with_each_frame_and_let_go(desk: Desk, tmp_path: 
     assert {each["lease"] for each in (jog, *renewals, release)} == {jog["lease"]}
     assert re.fullmatch("[0-9a-f]{16}", jog["lease"])
     assert release["type"] == "release"
-    # A renewal waits for its period at most, anything else for seconds.
+    # A renewal waits for its period at most, anything else for seconds: sent and answered.
+    assert max(desk.socket.sent_within_s[2:-1]) <= module.RENEW_S
     assert max(desk.socket.timeouts[1:-1]) <= module.RENEW_S
     assert desk.socket.timeouts[-1] == module._TIMEOUT_S
 
