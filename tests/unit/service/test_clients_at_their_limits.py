@@ -286,6 +286,23 @@ def test_a_refusal_has_the_kind_of_its_command_and_what_is_known_beside_it(kind:
     assert row["values"]["address"] == "192.0.2.7"
 
 
+def test_what_is_refused_for_the_first_time_waits_for_no_row_of_another() -> None:
+    """That of Anna is due in ten minutes, that of Ben in ten seconds."""
+    made = Refused()
+    for window_s in (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 0.0):
+        for _ in range(2):
+            made.log.put(ANNA, HALT, NOT_YOURS)
+        made.now_s += window_s
+        made.log.look()
+    made.rows()
+    for _ in range(2):
+        made.log.put(BEN, HALT, NOT_YOURS)
+    made.now_s += 10.0
+    made.log.look()
+    rows = made.rows()
+    assert [(row["user"], row["values"].get("count")) for row in rows] == [("ben", None), ("ben", 1)]
+
+
 def test_an_account_that_has_used_its_rows_up_takes_none_from_another() -> None:
     made = Refused()
     written = [made.log.put_text(ANNA, "read", "x", f"action {n}", NOT_YOURS) for n in range(150)]
