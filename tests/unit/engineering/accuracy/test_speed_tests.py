@@ -169,3 +169,12 @@ def test_the_test_takes_both_ways_and_the_way_there() -> None:
     both = speed_test_s(machine, (5.0, 1.0)) - speed_test_s(machine, (5.0,))
     assert both == pytest.approx(2.0 * 26.0 + 17.0 / 6.0 + 6.0)
     assert [move[1:] for move in _moves(machine, (5.0,))] == [(-62.5, 62.5, 5.0), (62.5, -62.5, 5.0)]
+
+
+def test_a_motor_that_is_moved_off_its_set_point_for_the_load_is_not_judged_by_it() -> None:
+    seen = speeds(1.0, [0.0, 1.0, 1.0, 0.0], [0.0] * 4, None)
+    plain, improved = (
+        _evaluate(machine, seen, (0.0, 1.0), 1.0) for machine in (default_machine(), improved_machine())
+    )
+    assert plain.motor_judged
+    assert not improved.motor_judged
