@@ -132,5 +132,5 @@ def test_the_ring_turns_with_the_motor(
 
 def test_the_proposed_zero_takes_the_difference_out() -> None:
     """The ring shows 0.9 deg more than the motor: its zero lies 0.0025 of a turn higher."""
-    encoder = RING.can.load_encoder
-    assert zero_proposed(RING, 0.9) - encoder.zero_counts == round(0.0025 * encoder.counts_per_turn)
+    machine = with_values(RING, {"can.load_encoder.zero_counts": 1000})
+    assert zero_proposed(machine, 0.9) == 1000 + round(0.0025 * RING.can.load_encoder.counts_per_turn)

@@ -166,6 +166,7 @@ def test_the_record_is_written_when_all_is_proven_and_the_report_of_what_was_sho
     made._keep()
     assert wrote == ([*(["record"] if complete else []), "report"] if results else [])
     assert [head.made.operator for head in heads] == (["anna"] if results else [])
+    assert [head.made.command for head in heads] == (["page of gantryctl serve"] if results else [])
     assert [text.partition(":")[0] for _, text in desk.told] == [f"commissioning {each}" for each in wrote]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +16,7 @@ from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.commissioning.stopping import steps_silence
 from gantryctl.commissioning.stopping.quick_stop import QuickStop
 from gantryctl.commissioning.stopping.silence import SilentDrive
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine import with_values
@@ -195,3 +197,124 @@ def test_a_step_takes_the_time_of_the_axis_that_people_are_told(
     monkeypatch.setattr(module, "open_loop_axis", opened)
     asked.run(c)
     assert c.watch.meter.done == pytest.approx(asked.lasts_s(MACHINE), rel=0.2)
+
+
+# --- the bus, a person at the inputs, the pulse -----------------------------------------------------------------------
+
+
+def bus_drive() -> Any:
+    drive: Any = HandDrive()
+    drive.sdo.values |= {0x6041: 0x0250, 0x6064: 7}
+    drive.process.counts, drive.process.statusword = 10, 0x0250
+    encoder = {
+        "inverted": False,
+        "increments_per_turn": 524_288,
+        "turns": 4096,
+        "position_around_zero": False,
+    }
+    drive.settings = SimpleNamespace(**vars(drive.settings), **encoder)
+    # Of 1,000 SYNCs; nothing was missed before the drive was watched.
+    drive.health = lambda: SimpleNamespace(scans=1000, missed=(5 if drive.wrote else 0,), late=(20,))
+    return drive
+
+
+def test_telegrams_are_told_in_percent_of_the_time_that_was_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steps_bus, "open_loop_axis", opens(bus_drive()))
+    assert steps_bus.process_data(context()).proof == (
+        "1000 SYNCs, 0.50 % missed, 2.00 % late; statusword by SDO agrees 8 times; position 3 increments apart"
+    )
+
+
+def test_a_drive_that_has_all_lacks_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    drive = bus_drive()
+    drive.opened.rows = [
+        SimpleNamespace(
+            place="6085:00", name="quick stop", want="5400", have="5400", verdict=ParameterVerdict.OK
+        )
+    ]
+    monkeypatch.setattr(steps_bus, "open_loop_axis", opens(drive))
+    monkeypatch.setattr(steps_bus, "backup", lambda *_: {})
+    c = context()
+    object.__setattr__(c, "folder", tmp_path)
+    found = steps_bus.parameters(c)
+    assert found.proof == "1 parameters read back as written, backup in hust_can.drive.json"
+
+
+def test_a_person_is_told_what_to_work_and_what_to_look_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive, said = bus_drive(), list[str]()
+    drive.beside = SimpleNamespace(
+        inputs=SimpleNamespace(levels=lambda: {"door_ok": not 30 <= len(drive.wrote) < 40})
+    )
+    monkeypatch.setattr(steps_bus, "open_loop_axis", opens(drive))
+    c = context(with_values(MACHINE, {"can.outputs.lamp": 17, "can.inputs.door_ok": 9}))
+    object.__setattr__(c, "say", said.append)
+    steps_bus.wiring(c)
+    assert said == [
+        "  door_ok (60FD bit 9): change it within 60 s, then change it back",
+        "  lamp (60FE bit 17): on for 3 s, look",
+    ]
+
+
+def test_the_pulse_is_told_by_position_and_by_speed(step: Any) -> None:
+    """Three quarters of the way by position, all of it by speed: which of two keys is wrong."""
+    found = step(steps_sign, "sign", HandDrive(way=0.75, shown=1.0))
+    assert "+0.0225 deg by position, +0.0300 deg by speed" in found.proof
+
+
+def test_the_lowered_limit_is_told_beside_what_was_given() -> None:
+    """100 N m, and 95 of them are given."""
+    axis: Any = SimpleNamespace(angle_deg=0.0, period_s=0.004, run=lambda *_: None)
+    process, units = SimpleNamespace(torque_known=True), SimpleNamespace(torque_unit_nm=1.0)
+    axis.drive = SimpleNamespace(process=process, opened=SimpleNamespace(units=units))
+    axis.feedback = SimpleNamespace(torque_act_nm=-95.0)
+    axis.scan = lambda *_: None
+    assert steps_sign._push(axis, {0x6072: 100}, {}) == "; 6072 lowered to 100 N m, 95 N m given"
+
+
+# --- stops, loop, bands -----------------------------------------------------------------------------------------------
+
+
+def test_a_stop_that_is_too_hard_is_told_with_what_was_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steps_motion, "open_loop_axis", opens(HandDrive(quick_dec=8.0)))
+    with pytest.raises(AlarmStop, match=r"from 3 deg/s is too hard: 8\.\d\d deg/s2, 5\.40 deg/s2 were set"):
+        steps_motion._quick_stop(context(), 3.0, [])
+
+
+def test_a_stop_that_is_too_long_is_told_with_what_is_permitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """9 / 10.8 deg and 0.18 of the reaction are permitted; at 2 deg/s2 it is still fast there."""
+    monkeypatch.setattr(steps_motion, "open_loop_axis", opens(HandDrive(quick_dec=2.0)))
+    with pytest.raises(
+        AlarmStop, match=r"too long: 1\.02\d deg and still at 2\.\d\d deg/s, 1\.013 deg are permitted"
+    ):
+        steps_motion._quick_stop(context(), 3.0, [])
+
+
+def test_a_stop_is_told_as_it_was_measured_and_as_it_was_computed() -> None:
+    said: list[str] = []
+    c = context()
+    object.__setattr__(c, "say", said.append)
+    steps_motion._add(c, {}, "quick stop", 3.0, 0.9, 0.8)
+    assert said == ["  quick stop from 3 deg/s: 0.900 deg, computed 0.800 deg"]
+
+
+def test_the_loop_is_told_with_the_band_that_it_is_held_against(monkeypatch: pytest.MonkeyPatch) -> None:
+    trace = {"vel_ref_rad_s": np.array([0.01, 0.0, 0.0]), "pos_err_rad": np.radians([0.02, 0.001, 0.001])}
+    monkeypatch.setattr(steps_motion, "_move", lambda *_, **__: (trace, True))
+    assert steps_motion.loop(context()).proof == (
+        "largest following error 0.02000 deg at 0.6 deg/s (band 0.037), 0.001000 deg at rest"
+    )
+
+
+def test_bands_are_told_as_they_are_proposed_and_as_they_are_in_force() -> None:
+    """Twice 0.004 and 0.01 deg."""
+    results = {
+        "loop": StepResult("loop", Outcome.PASSED, "", {"rest_error_deg": Figure(0.004)}),
+        "turn": StepResult(
+            "turn", Outcome.PASSED, "", {"following_error_deg": Figure(0.01), "speed_deg_s": Figure(3.0)}
+        ),
+    }
+    window = MACHINE.monitors.in_position_window_deg
+    assert steps_motion.bands(context(**results)).proof == (
+        f"in position: 0.0080 deg from data, [monitors] in_position_window_deg = {window:g}; following error at 3 "
+        "deg/s: 0.0200 deg from data, 0.0660 deg in force"
+    )
