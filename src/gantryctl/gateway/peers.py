@@ -70,7 +70,7 @@ def user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
 
 def _plain(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
     """An address as its own socket has it: one of IPv4 is seen by a listener of IPv6 as a mapped one."""
-    found = ipaddress.ip_address(address.partition("%")[0])
+    found = ipaddress.ip_address(address)
     mapped = found.ipv4_mapped if isinstance(found, ipaddress.IPv6Address) else None
     return mapped or found
 
