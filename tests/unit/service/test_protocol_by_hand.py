@@ -386,3 +386,32 @@ def test_a_description_has_no_other_keys_and_tells_units_and_nulls() -> None:
     }  # fmt: skip
     assert described["axis_state"]["enum"] == [each.name.lower() for each in AxisState]
     assert described["power"]["description"] == BY_NAME["power"].meaning
+
+
+def test_each_thing_that_is_told_is_described_with_all_its_keys_and_no_other() -> None:
+    """A client that checks what it gets refuses what has one more or one less."""
+    keys = {
+        "Error": "error", "Person": "user person role may", "Health": "controller", "Alarms": "active history",
+        "TagRow": "name unit type direction rate role meaning labels null", "Status": "type fresh age_ms tags",
+        "Samples": "period_s from next newest newest_s utc_s tags", "Recording": "id name size modified",
+        "Commissioning": "machine drive complete note steps ledger open",
+        "CommissioningStep": "key title does moves offered outcome proof to_do at by figures",
+        "Columns": "name machine utc_s end_s columns", "Note": "seq utc user text",
+        "Event": "seq boot source number utc monotonic_ns kind user role client place text detail hash",
+        "Visitor": "client user person role place", "AlarmRow": " ".join(ALARM_ROW),
+    }  # fmt: skip
+    for name, wanted in keys.items():
+        schema = SCHEMAS[name]
+        assert list(schema["properties"]) == wanted.split() == schema["required"], name
+    assert set(SCHEMAS) == {*keys, "Message", "Tags", "Event", "Description"}
+    row, status = SCHEMAS["TagRow"]["properties"], SCHEMAS["Status"]["properties"]
+    assert row["type"]["enum"] == ["float", "int", "bool", "text", "pairs", "rows", "messages", "enum"]
+    assert status["type"] == {"const": "status"}
+    assert SCHEMAS["Event"]["properties"]["detail"]["contentMediaType"] == "application/json"
+    *coded, plain = SCHEMAS["Message"]["anyOf"]
+    assert [each["required"] for each in coded] == [[key, "values"] for key in ("code", "reason", "words")]
+    assert plain == {"type": "string"}
+
+
+def test_what_is_sent_has_the_letters_of_its_words() -> None:
+    assert messages.compact({"a": ["门", 1]}) == '{"a":["门",1]}'
