@@ -72,6 +72,14 @@ def test_who_was_quiet_for_longest_is_forgotten_and_not_who_asks_now(monkeypatch
     assert rate.wait_s("a") == 0.0
 
 
+def test_who_asks_again_is_not_the_one_that_was_quiet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a flood would begin anew with a full bucket."""
+    monkeypatch.setattr(limits, "_SENDERS", 2)
+    rate = RateLimiter(1.0, 1.0, now=lambda: 0.0)
+    assert [rate.wait_s(sender) for sender in ("flood", "other", "flood", "third")] == [0.0, 0.0, 1.0, 0.0]
+    assert rate.wait_s("flood") == 1.0
+
+
 def test_who_asks_on_is_let_in_when_his_time_has_come() -> None:
     """A message in half a second, and one at once; asking too early neither shortens the wait nor begins it anew."""
     now_s = 0.0
