@@ -68,9 +68,10 @@ void set_numbers(Params& p, Numbers given) {
 #undef X
   if (!given.empty())
     throw std::invalid_argument("no number of the compensation is called " + given.begin()->first);
-  for (double x : {p.period_s, p.reversal_length_rad, p.fade_rad_s, p.flank_nm})
+  for (double x : {p.period_s, p.jerk_max_rad_s3, p.reversal_length_rad, p.fade_rad_s, p.flank_nm})
     if (!(x > 0.0))
-      throw std::invalid_argument("period_s, reversal_length_rad, fade_rad_s and flank_nm must be positive");
+      throw std::invalid_argument(
+          "period_s, jerk_max_rad_s3, reversal_length_rad, fade_rad_s and flank_nm must be positive");
   if (p.moment_observer && !(p.moment_limit_nm > 0.0 && p.friction_spread_nm > 0.0))
     throw std::invalid_argument("moment_limit_nm and friction_spread_nm must be positive");
   if (p.backlash_observer && !(p.moment_observer && p.friction_nm > 0.0 && p.friction_load_nm > 0.0 &&

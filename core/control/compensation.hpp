@@ -40,6 +40,7 @@ constexpr int kFastWaves = 12;
   X(compliance_rad_per_nm, 0.0, "wind-up per load torque, 1/k")                                       \
   X(lean_rad_per_nm, 0.0, "of the base, per load torque: an encoder on the ring does not see it") \
   X(windup_per_acc_s2, 0.0, "wind-up per acceleration of the load, J/k")                              \
+  X(jerk_max_rad_s3, 1e9, "largest jerk of the set-point whose wind-up is followed")                  \
   X(reversal_length_rad, 1e-4, "way over which the direction turns round")                            \
   X(backlash_rad, 0.0, "backlash, both flanks together, at the gantry")                               \
   X(friction_load_nm, 0.0, "friction behind the mesh")                                                \
@@ -65,6 +66,7 @@ constexpr int kFastWaves = 12;
   X(observer_speed_rad_s, 0.0, "slower motion says nothing about the moment")                         \
   X(observer_weight, 0.0, "of the torque of one scan, 1/(N m)^2")                                     \
   X(observer_memory, 1.0, "exp(-Ts/T) of what was seen in motion")                                    \
+  X(observer_calm_s, 0.0, "until the load has swung out behind a jerk that is larger than jerk_max")  \
   X(observer_rate, 0.0, "1 - exp(-Ts/T) of the moment in use")                                        \
   X(backlash_step_rad, 1.0, "backlash from one model of the bank to the next")                        \
   X(backlash_held_rad, 0.0, "backlash that maps and backlash_rad were identified with")               \
@@ -92,6 +94,7 @@ constexpr int kFastWaves = 12;
   X(seen_sine, "sums of the moment observer: columns with the torque left over")                      \
   X(seen_cosine, "see seen_sine")                                                                     \
   X(seen_friction, "see seen_sine")                                                                   \
+  X(swings_s, "of observer_calm_s, what is left")                                                     \
   X(backlash_change_rad, "change of the backlash that is in use")                                     \
   X(friction_change_nm, "change of all friction that the backlash observer uses")                     \
   X(motor_last_rad, "motor angle less gear error of the last scan, at the gantry")                    \

@@ -182,6 +182,34 @@ TEST(CompensatedLaw, takes_turning_and_jerk_from_one_scan_to_the_next) {
   }
 }
 
+// A jerk of 2 rad/s3 where 1 is the most that moves have: wound up at 6.2e-3 x 1 rad/s, both ways, and the
+// observer hears nothing for the 2 ms in which the load swings out; with a jerk of moves it does.
+TEST(CompensatedLaw, follows_no_jerk_beyond_that_of_moves_and_learns_nothing_while_it_swings_out) {
+  const PositionLawParams<double> law = example::law();
+  for (double side : {1.0, -1.0}) {
+    Params p;
+    p.windup = true;
+    p.windup_per_acc_s2 = 6.2e-3;
+    p.pos_limit_rad = 1e-2;
+    p.jerk_max_rad_s3 = 1.0;
+    p.observer_calm_s = 2e-3;
+    State s;
+    const auto speed = [&](double acc) {
+      const double counts = (0.3 + 6.2e-3 * acc) * law.ratio / law.rad_per_count;
+      return compensated_law(law, p, s, {0.3, 0.0, acc}, counts, 0.0, 0.0).law.vel_cmd_rad_s;
+    };
+    EXPECT_NEAR(speed(0.0), 0.0, 1e-7);
+    EXPECT_NEAR(speed(side * 0.0005), side * law.ratio * 6.2e-3 * 0.5, 1e-7);
+    EXPECT_EQ(s.swings_s, 0.0);
+    EXPECT_NEAR(speed(side * 0.0025), side * law.ratio * 6.2e-3, 1e-7);
+    EXPECT_EQ(s.swings_s, 2e-3);
+    EXPECT_NEAR(speed(side * 0.0025), 0.0, 1e-7);
+    EXPECT_NEAR(s.swings_s, 1e-3, 1e-12);
+    speed(side * 0.0025);
+    EXPECT_NEAR(s.swings_s, 0.0, 1e-12);
+  }
+}
+
 // 16 kN m at a quarter turn are 13.986 N m of the motor through 1144.
 TEST(TorqueFeedForward, carries_the_eccentric_moment_through_the_ratio) {
   Params p;

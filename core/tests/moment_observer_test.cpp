@@ -89,6 +89,42 @@ TEST(MomentObserver, learns_nothing_at_rest_in_reversal_or_without_a_torque) {
   EXPECT_EQ(moment_now(p, s).sine_nm, p.moment_sine_nm);
 }
 
+TEST(MomentObserver, learns_nothing_while_the_load_swings_out) {
+  const Params p = observed();
+  State s;
+  s.direction = 1.0;
+  s.swings_s = 1e-3;
+  observe_moment(p, kRatio, {1.0, 0.05, 0.0}, 100.0, s);
+  EXPECT_EQ(s.info_friction, 0.0);
+  s.swings_s = 0.0;
+  observe_moment(p, kRatio, {1.0, 0.05, 0.0}, 100.0, s);
+  EXPECT_GT(s.info_friction, 0.0);
+}
+
+// Limit 10 kN m. Sums of 3e-8 of the sine and the prior of 1e-8: a sine as large as the limit is two standard
+// deviations, at the limit. Where friction explains all of it but the prior, it is one; of a cosine nothing is
+// known, and of both together the half.
+TEST(MomentObserver, tells_a_change_of_two_standard_deviations) {
+  Params p;
+  p.moment_limit_nm = 1e4;
+  p.friction_spread_nm = 1.0;
+  State s;
+  s.info_sine = 3.001e-8;
+  EXPECT_TRUE(moment_resolved(p, s, {2e4, 0.0}));
+  EXPECT_TRUE(moment_resolved(p, s, {-10.0, 0.0}));
+  EXPECT_FALSE(moment_resolved(p, s, {0.0, 2e4}));
+  EXPECT_FALSE(moment_resolved(p, s, {2e4, 2e4}));
+  s.info_sine_cosine = 1.6e-8;
+  EXPECT_TRUE(moment_resolved(p, s, {2e4, 2e4}));
+  EXPECT_FALSE(moment_resolved(p, s, {2e4, -2e4}));
+  s = State();
+  s.info_sine = 2.999e-8;
+  EXPECT_FALSE(moment_resolved(p, s, {2e4, 0.0}));
+  s.info_sine = s.info_friction = s.info_sine_friction = 1e-4;
+  p.friction_spread_nm = 1e9;
+  EXPECT_FALSE(moment_resolved(p, s, {2e4, 0.0}));
+}
+
 // Limit 5 kN m, a thousandth of the way in a scan: of (6, 8) kN m, 10 kN m in all, the half is followed.
 TEST(MomentObserver, goes_a_part_of_the_way_in_each_scan_and_none_where_it_does_not_follow) {
   Params p = observed();
@@ -188,6 +224,9 @@ TEST(MomentObserver, acts_in_the_law_where_it_is_switched_on) {
     p.moment_observer = on;
     p.reversal_length_rad = 1e-6;
     State s;
+    // Much was seen of the sine.
+    s.info_sine = 1e-3;
+    s.seen_sine = 1.0;
     double change = 0.0;
     for (int k = 0; k < 3; ++k) {
       const SetPoint<double> r{0.3 + 1e-4 * k, 0.1, 0.0};

@@ -8,7 +8,12 @@ from typing import Any
 
 import pytest
 
-from gantryctl.engineering.fault_campaign.draw import pair_scenario, random_scenario, wide_scenario
+from gantryctl.engineering.fault_campaign.draw import (
+    axis_scenario,
+    pair_scenario,
+    random_scenario,
+    wide_scenario,
+)
 from gantryctl.engineering.fault_campaign.play import play
 from support.fault_liars import LIARS, SCAN_MS, found_by
 
@@ -16,7 +21,7 @@ pytestmark = pytest.mark.can
 SEEDS: dict[str, list[dict[str, Any]]] = tomllib.loads(
     (Path(__file__).parents[1] / "data" / "fault_seeds.toml").read_text()
 )
-KINDS = {"random": random_scenario, "pairs": pair_scenario, "wide": wide_scenario}
+KINDS = {"random": random_scenario, "pairs": pair_scenario, "wide": wide_scenario, "axes": axis_scenario}
 FOUND = {
     "an encoder alarm that only warns": 137,
     "a limit switch that only warns": 70,

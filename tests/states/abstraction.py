@@ -339,7 +339,7 @@ RULES: Final[dict[type, Rules]] = {
     TorqueWatch: Rules(
         when=lambda _, roots: roots.axis.virtual.following,
         same="_pulled _suspicious",
-        number="_fast_acc _fast_nm _free_acc _free_nm _last_nm _mean_nm _missing _pos_err_rad _vel_start",
+        number="_fast_acc _fast_nm _free_acc _free_nm _last_nm _lost_rad_s _mean_nm _missing _pos_err_rad _vel_start",
         count="_blocked _grips _heavy _leap _lost",
         fixed="_alarms _blocked_scans _deviation_max _effort_nm "
         "_effort_share _fast_share _feedback _grip_nm _grips_scans _per_acc _virtual _heavy_nm _heavy_scans _holding "

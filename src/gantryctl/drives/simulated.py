@@ -190,10 +190,10 @@ class SimDrive(BaseDrive):
         """Parameters of the plant in force."""
         return self._maker.plant
 
-    def sample_every(self, cycles: int) -> None:
-        """Take samples of the true state inside each scan (`GantrySim.samples_taken`); 0: none."""
-        self._sample_cycles = cycles
-        self.sim.sample_every(cycles)
+    def sample_every(self, period_s: float) -> None:
+        """Take samples of the true state inside each scan (`GantrySim.samples_taken`), each so many whole cycles."""
+        self._sample_cycles = max(1, round(period_s / self._maker.drive.cycle_s))
+        self.sim.sample_every(self._sample_cycles)
 
     def change_plant(self, name: str, value: float) -> None:
         """Change a plant parameter, as the load changes when a couch is dropped into it.

@@ -23,6 +23,9 @@ _SWING_DEG_S: Final = 1.0
 _OBSERVED_SHARE: Final = 0.35
 # The band in which a load that has passed the gap shows: a quarter of its swing to four times that.
 _FASTER: Final = 4.0
+# Periods of the first mode: what is in use follows within so many, so it excites none; within as many the swing behind
+# a hard stop is over.
+_SWINGS: Final = 4.0
 # A load that comes to rest is held by anything between nothing and all of the friction behind the mesh; what is left of
 # a flank that was planned wrong the load-side loop takes back, so with one the middle is planned.
 _RESTING_SHARE: Final = 0.5
@@ -130,13 +133,15 @@ def flank_torque_nm(machine: Machine) -> float:
 
 def _numbers(machine: Machine) -> dict[str, float]:
     """Values from the machine file."""
-    config = machine.control.compensation
+    config, axis = machine.control.compensation, machine.virtual_axis
     period_s = machine.control.scan_period_ms * _MS
     damping = config.damping
     return {
         "period_s": period_s,
         "torque_limit_nm": config.torque.limit_nm,
         "flank_nm": _CROSSING * flank_torque_nm(machine),
+        # Of moves, with a hundredth to spare for the rounding of a difference.
+        "jerk_max_rad_s3": rad(1.01 * max(axis.jerk_deg_s3, axis.end_jerk_deg_s3)),
         "reversal_length_rad": rad(config.windup.reversal_length_deg),
         "fade_rad_s": 2.0 * math.pi * config.gear_map.fade_hz,
         "pos_limit_rad": rad(config.gear_map.limit_deg),
@@ -229,8 +234,8 @@ def _identified(machine: Machine, calibration: Calibration) -> dict[str, float]:
         "friction_load_ratio": found.friction_load_ratio or 0.0,
         "friction_nm_s_per_rad": found.friction_nm_s_per_rad or 0.0,
         "friction_spread_nm": _FRICTION_SPREAD * friction,
-        # What is in use follows within four swings, so it excites none.
-        "observer_rate": -math.expm1(-period_s * (swing_hz or 0.0) / 4.0),
+        "observer_rate": -math.expm1(-period_s * (swing_hz or 0.0) / _SWINGS),
+        "observer_calm_s": _SWINGS / swing_hz if swing_hz else 0.0,
         # The load swings about what is planned: torques within half a swing say the same once.
         "observer_weight": 2.0 * period_s * (swing_hz or 0.0) / (_OBSERVED_SHARE * friction) ** 2
         if friction > 0.0

@@ -54,6 +54,40 @@ def test_a_drive_that_leaves_its_command_with_no_torque_has_lost_it(
     assert seconds == (approx(in_scans(0.050, period_s)) if codes else math.inf)
 
 
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("left_after_50_ms", "codes"), [(0.17, []), (0.85, []), (0.92, ["DRV-13"]), (1.1, ["DRV-13"])]
+)
+def test_torque_of_nothing_while_friction_brings_the_speed_back_is_not_lost(
+    period_s, way, left_after_50_ms, codes
+):
+    """A loop with Tn = 28 ms whose torque stays at nothing has a deviation that shrinks to exp(-50/28) = 0.17."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.turn(way * 3.0)
+    share = left_after_50_ms ** (period_s / 0.050)
+    off_deg_s = 0.6
+    for _ in range(round(0.080 / period_s)):
+        watch.scan(way * rad(off_deg_s), 0.0)
+        off_deg_s *= share
+    assert parts.codes == codes
+
+
+@PERIODS
+def test_lost_torque_is_told_50_ms_after_friction_has_taken_the_speed_past_its_command(period_s):
+    """From 0.5 deg/s above, 10 deg/s2 slower than the command: 0.05 deg/s below it after 55 ms."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.turn(3.0)
+    time_s = 0.0
+    while not parts.codes and time_s < 0.3:
+        watch.scan(rad(0.5 - 10.0 * time_s), 0.0)
+        time_s += period_s
+    assert parts.codes == ["DRV-13"]
+    assert time_s == approx(0.105, abs=2.5 * period_s)
+
+
 def test_lost_torque_for_a_moment_is_none():
     parts = Parts()
     watch = watched(parts)

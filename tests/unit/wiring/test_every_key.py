@@ -230,7 +230,10 @@ ROWS: dict[str, Row] = {
     "virtual_axis.profile": {"program.ramps.jerk_rad_s3": lambda m: m.virtual_axis.jerk_deg_s3 * DEG},
     "virtual_axis.acc_deg_s2": {"program.ramps.acc_rad_s2": DEG},
     "virtual_axis.dec_deg_s2": {"program.ramps.dec_rad_s2": DEG},
-    "virtual_axis.jerk_deg_s3": {"jerk limited.ramps.jerk_rad_s3": DEG},
+    "virtual_axis.jerk_deg_s3": {
+        "jerk limited.ramps.jerk_rad_s3": DEG,
+        "laws.jerk_max_rad_s3": lambda m: 1.01 * m.virtual_axis.jerk_deg_s3 * DEG,
+    },
     "virtual_axis.gentle_end": {
         "program.ramps.end_dec_rad_s2": lambda m: m.virtual_axis.end_dec_deg_s2 * DEG,
         "program.ramps.end_jerk_rad_s3": lambda m: m.virtual_axis.end_jerk_deg_s3 * DEG,

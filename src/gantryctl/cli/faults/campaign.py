@@ -37,11 +37,11 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--kind",
-            type=click.Choice(("random", "pairs", "wide", "matrix")),
+            type=click.Choice(("random", "pairs", "wide", "axes", "matrix")),
             default="random",
             show_default=True,
-            help="Drawn scenarios, forced pairs of faults, drawn ones on machines further away, or each fault in each "
-            "phase.",
+            help="Drawn scenarios, forced pairs of faults, drawn ones on gantries further away or on other axes, or "
+            "each fault in each phase.",
         ),
     ):
         command = option(command)

@@ -9,12 +9,17 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from itertools import permutations
-from typing import Final, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
+from gantryctl.engineering.drafting.origin import significant
+from gantryctl.engineering.drafting.templates import load_template, template_names
+from gantryctl.engineering.fault_campaign.machines import axis_of, drafted_machine
 from gantryctl.engineering.fault_campaign.scenario import Action, Deed, PlannedFault, Scenario
 from gantryctl.engineering.faults.case import FaultCase, Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE
 from gantryctl.engineering.faults.kinds.kind import Value
+from gantryctl.errors import ConfigError
+from gantryctl.machine.places import reach_deg
 
 DURATION_S: Final = 30.0
 BUS_SHARE: Final = 0.25
@@ -38,8 +43,17 @@ _DEEDS: Final[tuple[Deed, ...]] = (
     "move", "move", "move", "move", "jog", "jog", "jog", "increment", "halt", "stop", "override", "power_off",
     "quick_stop", "recover", "brake_test", "power",
 )  # fmt: skip
+_AT_SPEED: Final[tuple[Deed, ...]] = ("move", "jog", "increment")
 # A person's own deeds are drawn as such; a brake that never holds and a spoilt HOLD have rows of their own.
 _NOT_DRAWN: Final = frozenset({"B1", "B10", "G17"})
+# Of the drawn axes; and trials of answers for one that a motor can do: of three drawn ones two are.
+_IMPROVED_SHARE: Final = 0.15
+_DRAFTS: Final = 10
+# Decades to either side of the answer of a template.
+_ANSWERS: Final = {
+    "inertia_kg_m2": 0.5, "unbalance_nm": 0.3, "wind_nm": 0.3, "speed_max_r_min": 0.2, "acc_time_s": 0.3,
+    "first_mode_hz": 0.2, "stopping_angle_deg": 0.1,
+}  # fmt: skip
 Drive = Literal["sim", "bus"]
 T = TypeVar("T")
 
@@ -96,12 +110,72 @@ def wide_scenario(series: int, number: int, scan_ms: float | None = None) -> Sce
     name = f"wide {series} {number}"
     draw = Draw(name)
     scan_ms = draw.one_of(_WIDE_SCANS_MS) if scan_ms is None else scan_ms
-    further = {"second_pinion": draw.happens(0.5), "edge": draw.happens(0.5)}
-    return _random(draw, name, number, scan_ms).model_copy(update=further)
+    second_pinion, edge = draw.happens(0.5), draw.happens(0.5)
+    scene = _random(draw, name, number, scan_ms)
+    # Two drives of one axis are simulated in process only.
+    second_pinion = second_pinion and scene.drive == "sim"
+    return scene.model_copy(update={"second_pinion": second_pinion, "edge": edge})
 
 
-def _random(draw: Draw, name: str, number: int, scan_ms: float | None) -> Scenario:
-    drive: Drive = "bus" if draw.happens(BUS_SHARE) else "sim"
+def axis_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
+    """The same on another axis: a template of `gantryctl new` with drawn answers, or the improved gantry.
+
+    Speeds and angles are those of the reference gantry, in parts of the highest speed and of the travel.
+    """
+    name = f"axes {series} {number}"
+    draw = Draw(name)
+    scan_ms = draw.one_of(_WIDE_SCANS_MS) if scan_ms is None else scan_ms
+    # The improved gantry keeps the plant that its calibration is of: another eccentric moment is told (CTL-19).
+    axis: dict[str, Any] = {"improved": True, "plant_seed": None}
+    if not draw.happens(_IMPROVED_SHARE):
+        axis = {**_drawn_axis(draw, draw.one_of(template_names())), "edge": draw.happens(0.5)}
+    scene = _random(draw, name, number, scan_ms, drive="sim")
+    return _on_axis(scene.model_copy(update={**axis, "ramp_deg_s2": None}))
+
+
+def _drawn_axis(draw: Draw, template: str) -> dict[str, Any]:
+    """A template with answers that a motor of the catalogue can do."""
+    usual = load_template(template).answers
+    for _ in range(_DRAFTS):
+        answers = {
+            key: significant(getattr(usual, key) * 10.0 ** draw.uniform(-decades, decades))
+            for key, decades in _ANSWERS.items()
+            if getattr(usual, key)
+        }
+        try:
+            drafted_machine(template, tuple(sorted(answers.items())))
+        except ConfigError:
+            continue
+        return {"template": template, "answers": answers}
+    return {"template": template}
+
+
+def _on_axis(scene: Scenario) -> Scenario:
+    """Speeds and angles of the reference gantry, as parts of what another axis has."""
+    machine = axis_of(scene)
+    assert machine is not None
+    low, high = reach_deg(machine)
+    fast, far = machine.speed.setting_max_deg_s / _TOP_DEG_S, (high - low) / 360.0
+
+    def there(angle_deg: float) -> float:
+        return round(low + (angle_deg + 180.0) * far, 6)
+
+    actions = []
+    for each in scene.actions:
+        values = {"speed_deg_s": each.speed_deg_s * fast} if each.do in _AT_SPEED else {}
+        if each.do == "move":
+            values["target_deg"] = there(each.target_deg)
+        if each.do == "increment":
+            values["step_deg"] = each.step_deg * min(fast, far)
+        actions.append(each.model_copy(update=values))
+    return scene.model_copy(update={"angle_deg": there(scene.angle_deg), "actions": tuple(actions)})
+
+
+def _random(
+    draw: Draw, name: str, number: int, scan_ms: float | None, drive: Drive | None = None
+) -> Scenario:
+    if drive is None:
+        drive = "bus" if draw.happens(BUS_SHARE) else "sim"
     base = _machine(draw, drive, number, scan_ms)
     actions = _deeds(draw, base.angle_deg)
     count = 0 if draw.happens(SOUND_SHARE) else _count(draw)

@@ -9,6 +9,7 @@ from typing import Final, Literal
 
 from gantryctl.engineering.fault_campaign.draw import (
     DURATION_S,
+    axis_scenario,
     pair_scenario,
     random_scenario,
     wide_scenario,
@@ -19,11 +20,16 @@ from gantryctl.engineering.faults.injection import finite
 from gantryctl.engineering.faults.run import DriveKind
 from gantryctl.errors import UsageError
 
-Kind = Literal["random", "pairs", "wide", "matrix"]
-KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "wide", "matrix")
+Kind = Literal["random", "pairs", "wide", "axes", "matrix"]
+KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "wide", "axes", "matrix")
 # Of the way scenarios of a kind are drawn: another number gives other scenarios, and no result goes on with them.
-_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "wide": 1, "matrix": 2}
-_DRAWS: Final = {"random": random_scenario, "pairs": pair_scenario, "wide": wide_scenario}
+_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "wide": 2, "axes": 1, "matrix": 2}
+_DRAWS: Final = {
+    "random": random_scenario,
+    "pairs": pair_scenario,
+    "wide": wide_scenario,
+    "axes": axis_scenario,
+}
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,13 @@ import functools
 from typing import Final, Literal
 
 from gantryctl.engineering.comparison.ensemble import random_plant_values
+from gantryctl.engineering.drafting.choice import draft_with
+from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
+from gantryctl.engineering.drafting.templates import load_template
 from gantryctl.engineering.fault_campaign.scenario import Scenario
 from gantryctl.engineering.faults.run import fault_machine
-from gantryctl.machine import Machine, with_values
+from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
+from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 
 KEEPS_RAMPS_DEG_S: Final = 0.6
 """A speed at which the machine keeps its own ramps (`faults.bench.bench_machine`)."""
@@ -22,8 +26,39 @@ def base_machine(
     return fault_machine(None, drive, KEEPS_RAMPS_DEG_S, scan_ms, brake_owner, beside=beside)
 
 
+@functools.lru_cache(maxsize=64)
+def drafted_machine(template: str, answers: tuple[tuple[str, float], ...]) -> Machine:
+    """Machine that `gantryctl new` drafts from a template with these answers in place of its own.
+
+    Raises:
+        ConfigError: no motor does it, or an answer is refused. UsageError: no such template.
+    """
+    values = sheet_values(Answered.of(load_template(template), dict(answers)), template)
+    return draft_with(drafted_sheet(values, template), load_motors(delivered_motors()), template).machine()
+
+
+@functools.lru_cache(maxsize=32)
+def _at_scan(machine: Machine, scan_ms: float) -> Machine:
+    return with_values(machine, {"control.scan_period_ms": scan_ms})
+
+
+def axis_of(scenario: Scenario) -> Machine | None:
+    """The other axis of a scenario as its file or its draft has it; None for the reference gantry."""
+    if scenario.template:
+        return drafted_machine(scenario.template, tuple(sorted(scenario.answers.items())))
+    return _improved() if scenario.improved else None
+
+
+@functools.lru_cache(maxsize=1)
+def _improved() -> Machine:
+    return load_machine(configs_folder() / "hust_improved.toml")
+
+
 def base_of(scenario: Scenario) -> Machine:
     """The machine that a scenario varies."""
+    axis = axis_of(scenario)
+    if axis is not None:
+        return _at_scan(axis, scenario.scan_ms)
     return base_machine(scenario.drive, scenario.beside, scenario.brake_owner, scenario.scan_ms)
 
 

@@ -34,6 +34,8 @@ SCANS_MS: Final = (1.0, 4.0, 10.0)
 CELLS: Final = (
     len(CATALOGUE) * len(BENCHES) * len(PHASES) * len(SPEEDS_DEG_S) * len(ANGLES_DEG) * len(SCANS_MS)
 )
+UNSOUND: Final = "the checks of the machine refuse it"
+"""Reason of a run that is refused."""
 # A prime far from every divisor of the number of cells: each cell comes once.
 _STRIDE: Final = 100_003
 _OF_THEIR_ROWS: Final = (Phase.HOLD, Phase.BRAKE_TEST)
@@ -146,7 +148,7 @@ def run_cell(at: Cell) -> dict[str, Any]:
         except UsageError as wrong:
             return about | {"refused": _reason(str(wrong))}
         except ConfigError:
-            return about | {"refused": "the checks of the machine refuse it"}
+            return about | {"refused": UNSOUND}
     violations = [*result.faults]
     if violations and violations[0].startswith("the fault was never injected"):
         return about | {"refused": "the moment of the fault does not come in this phase"}

@@ -17,7 +17,7 @@ from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.excused import EXCUSED
-from gantryctl.engineering.faults.oracle.limits import reference_bounds
+from gantryctl.engineering.faults.oracle.limits import bounds_of, reference_bounds
 from gantryctl.engineering.faults.oracle.taps import Oracle, tapped, watching
 from gantryctl.errors import ConfigError, GantryctlError, UsageError
 from gantryctl.image import Mode
@@ -43,7 +43,7 @@ class Played:
     """What a scenario led to.
 
     Attributes:
-        refused: why the machine cannot be built; "" for a scenario that ran.
+        refused: why the machine cannot be built; "" for a scenario that ran. unsound: its checks refuse the machine.
         violations: what broke; () when everything held.
         trace_sha256: of the bits of the run.
         stops: codes of the alarms that stopped the axis. nuisances: of them, how many nobody caused.
@@ -53,6 +53,7 @@ class Played:
 
     scenario: Scenario
     refused: str = ""
+    unsound: bool = False
     violations: tuple[Violation, ...] = ()
     trace_sha256: str = ""
     stops: tuple[str, ...] = ()
@@ -82,10 +83,11 @@ def play(scenario: Scenario, *, record: bool = False) -> Played:
     with tapped(), watching(Oracle(sees_faults=False)) as oracle:
         try:
             machine = machine_of(scenario)
-            oracle.bounds = reference_bounds(machine)
+            oracle.bounds = bounds_of(machine) if scenario.template else reference_bounds(machine)
             bench = FaultBench(machine, Phase.OFF, KEEPS_RAMPS_DEG_S, scenario.angle_deg)
         except (ConfigError, UsageError) as refused:
             played.refused = str(refused).splitlines()[0]
+            played.unsound = isinstance(refused, ConfigError)
             return played
         run = _Run(bench, scenario, oracle, played)
         try:

@@ -100,6 +100,8 @@ class Scenario(BaseModel):
 
     Attributes:
         name: of the campaign and its number, for people.
+        template: of `gantryctl new`, which drafts the axis, with `answers` in place of its own; "" for another.
+        improved: the gantry of hust_improved.toml; else, and without a template, the reference gantry.
         drive: the simulated drive in process, or the virtual one behind a bus. beside: with nodes beside it.
         scan_ms, answer_ms: scan period; how long a scan waits for the bus.
         plant_seed: of a plant within 20 %; None: that of the machine file. edge: each of its values is 20 % off.
@@ -112,6 +114,9 @@ class Scenario(BaseModel):
     model_config = _MODEL
 
     name: str = "file"
+    template: str = ""
+    answers: dict[str, Number] = Field(default_factory=dict)
+    improved: bool = False
     drive: Literal["sim", "bus"] = "sim"
     beside: bool = False
     brake_owner: Literal["drive", "object_60FE"] = "drive"
@@ -122,7 +127,7 @@ class Scenario(BaseModel):
     second_pinion: bool = False
     ramp_deg_s2: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     hold_s: Annotated[float, Field(gt=0.0, le=60.0)] | None = None
-    angle_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 0.0
+    angle_deg: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 30.0
     actions: tuple[Action, ...] = ()
     faults: tuple[PlannedFault, ...] = ()
@@ -131,6 +136,19 @@ class Scenario(BaseModel):
     @classmethod
     def _rows(cls, value: object) -> object:
         return tuple(value) if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _one_axis(self) -> Scenario:
+        if self.of_reference:
+            return self
+        if self.drive == "bus" or self.second_pinion or (self.template and self.improved):
+            raise ValueError("another axis is of one kind, on the simulated drive, and has one pinion")
+        return self
+
+    @property
+    def of_reference(self) -> bool:
+        """Its axis is the reference gantry."""
+        return not (self.template or self.improved)
 
     @property
     def label(self) -> str:
@@ -142,6 +160,9 @@ def scenario_toml(scenario: Scenario) -> str:
     """A file that gives the same scenario again, number for number."""
     lines = []
     plain = scenario.model_dump(exclude={"actions", "faults"}, exclude_none=True)
+    for name in ("template", "answers", "improved"):
+        if not plain[name]:
+            del plain[name]
     lines += [f"{name} = {_literal(value)}" for name, value in plain.items()]
     for table, rows in (("actions", scenario.actions), ("faults", scenario.faults)):
         for row in rows:

@@ -18,9 +18,13 @@ def scenario_words(scenario: Scenario) -> str:
     drive = "simulated drive" if scenario.drive == "sim" else f"bus, brake by {scenario.brake_owner}"
     if scenario.beside:
         drive = "bus with nodes beside the drive"
+    axis = "improved gantry, " if scenario.improved else ""
+    if scenario.template:
+        answers = ", ".join(f"{name} {value:g}" for name, value in sorted(scenario.answers.items()))
+        axis = f"{scenario.template} ({answers or 'its own answers'}), "
     plant = "plant of the machine file" if scenario.plant_seed is None else f"plant {scenario.plant_seed}"
     plant += ", each value 20 % off" * scenario.edge + ", second pinion" * scenario.second_pinion
-    return f"{drive}, scan {scenario.scan_ms:g} ms, {plant}, begins at {scenario.angle_deg:g} deg"
+    return f"{axis}{drive}, scan {scenario.scan_ms:g} ms, {plant}, begins at {scenario.angle_deg:g} deg"
 
 
 def played_lines(played: Played) -> list[str]:

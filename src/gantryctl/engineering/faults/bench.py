@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gantryctl._core import GantrySim
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.node import DriveNode
@@ -150,7 +151,7 @@ class FaultBench:
         if isinstance(device, DriveNode):
             device.plant.watch = self._tick
         else:
-            device.sample_every(round(SAMPLE_S / machine.drive.speed_loop.cycle_us * 1e6))
+            device.sample_every(SAMPLE_S)
 
     def close(self) -> None:
         """Leave the bus."""
@@ -227,9 +228,17 @@ class FaultBench:
     @property
     def brake_closed(self) -> bool:
         """The brake is truly closed."""
+        return self._sim.state["brake_closed"] != 0.0
+
+    @property
+    def torque_nm(self) -> float:
+        """True torque of the motor."""
+        return float(self._sim.feedback(1.0)[2])
+
+    @property
+    def _sim(self) -> GantrySim:
         device = self.device
-        sim = device.plant.sim if isinstance(device, DriveNode) else device.sim
-        return sim.state["brake_closed"] != 0.0
+        return device.plant.sim if isinstance(device, DriveNode) else device.sim
 
     def _look(self) -> None:
         """After each scan: what is told, enables, samples of the simulated drive."""

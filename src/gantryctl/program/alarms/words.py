@@ -268,10 +268,10 @@ class Words(Enum):
         "当前运动由按键保持：没有运动可等待其结束",
     )
     MOVING_BY_HAND = "the axis is moving by hand: release the key first", "轴正在手动运动：请先松开按键"
-    JOG_FROM_REST = "the axis is moving: jog from standstill only", "轴在运动：点动只能从静止开始"
+    JOG_FROM_REST = "a motion has not ended: jog from standstill only", "运动尚未结束：点动只能从静止开始"
     INCREMENT_FROM_REST = (
-        "the axis is moving: increments from standstill only",
-        "轴在运动：增量只能从静止开始",
+        "a motion has not ended: increments from standstill only",
+        "运动尚未结束：增量只能从静止开始",
     )
     JUST_RAISED = "{code} has come only now; look at it, then reset", "{code} 刚刚出现；请先查看，然后复位"
     STILL_STOPPING = "the axis is still stopping: reset when it is at rest", "轴仍在停止：静止后再复位"

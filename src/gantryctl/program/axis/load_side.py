@@ -39,7 +39,8 @@ class LoadSide:
     Attributes:
         torque_ff_nm: torque of this scan, motor side, on top of what the power sequence asks for.
         disagreement_rad: load-side encoder minus the angle by motor encoder and maps.
-        moment_change_nm: of the eccentric moment since the calibration, as the observer sees it.
+        moment_change_nm: of the eccentric moment since the calibration, as the observer sees it; 0 where it is not
+            resolved.
         watch: whether the calibration still fits; None where nothing tells, or nobody asks.
     """
 

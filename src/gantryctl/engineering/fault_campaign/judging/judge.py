@@ -29,6 +29,8 @@ from gantryctl.program.alarms.words import Words
 NUISANCE: Final = "M2"
 """Stopped or warned, and nobody caused it (meta-invariant of the catalogue)."""
 NAMED: Final = "INV-7"
+# Of the rated torque: a mean of 0.6 over 0.3 s is told, and in gusts the torque of one moment is less.
+_HOLDS_MUCH: Final = 0.5
 STOPPING: Final = frozenset(
     {
         ReactionClass.QUICK_STOP, ReactionClass.DRIVE_DEADLINE, ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK,
@@ -86,7 +88,7 @@ class Judge:
             self._way.also(fault, abs(speed))
         elif bench.axis.alarms.first_out is None:
             wire = bench.engine.output.vel_cmd_rad_s / self._deg
-            if begins(fault, speed, wire):
+            if begins(fault, bench.machine, speed, wire):
                 fastest = max(abs(speed), abs(wire))
                 self._way = Way(
                     self._scenario, bench.machine, before, fault, bench.time_s, angle, fastest
@@ -127,7 +129,7 @@ class Judge:
             if not self._caused(alarm.code):
                 self.nuisances += not self._stopping
                 self._say(alarm, NAMED if self._stopping else NUISANCE, "names nothing that was injected")
-        elif alarm.severity is Severity.WARNING and not self._cases:
+        elif alarm.severity is Severity.WARNING and not self._cases and not self._holds_much(alarm.code):
             self._say(alarm, NUISANCE, "a warning, and nothing was injected")
 
     @property
@@ -166,6 +168,11 @@ class Judge:
     def _stopping(self) -> bool:
         """A fault that may stop the axis has begun."""
         return any(case.reaction in STOPPING or case.codes for case in self._cases)
+
+    def _holds_much(self, code: Code) -> bool:
+        """The plant needs as much torque at standstill as is told: it is heavier, or its wind stronger, than sized."""
+        share = abs(self._bench.torque_nm) / self._bench.machine.motor.torque_rated_nm
+        return code is Code.CTL_06 and share >= _HOLDS_MUCH
 
     def _caused(self, code: Code) -> bool:
         if code is Code.INT_06 and self._quick_stop_asked:

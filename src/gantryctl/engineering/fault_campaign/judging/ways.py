@@ -36,14 +36,14 @@ _CLASSES: Final = frozenset(
         ReactionClass.HALT,
     }
 )  # fmt: skip
-# deg/s: ways of slower motions are within what standstill permits.
-_LEAST_DEG_S: Final = 0.6
+# Of the highest speed: ways of slower motions are within what standstill permits (0.6 deg/s of the reference gantry).
+_LEAST_SHARE: Final = 0.1
 # s: what lasts less may be over before it is believed.
 _LASTS_S: Final = 0.5
 # A stop from no speed at all has no simulation.
 _GRID_DEG_S: Final = (0.01, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-# deg/s, a tenth of which the oracle calls rest too; and for how long.
-_REST_DEG_S: Final = 0.05
+# Of the highest speed, which the oracle calls rest too (0.05 deg/s of the reference gantry); and for how long, s.
+_REST_SHARE: Final = 1.0 / 120.0
 _RESTS_S: Final = 0.2
 _LONGEST_S: Final = 4.0
 _UNBOUNDED: Final = frozenset({"B3", "B7", "C2", "C3", "C4", "D3"})
@@ -96,6 +96,7 @@ class Way:
         self._rested_s: float | None = None
         self._asked_deg_s = speed_deg_s
         self.bounded = not any(each.number in _UNBOUNDED for each in self._faults)
+        self._rest_deg_s = _REST_SHARE * machine.speed.setting_max_deg_s
 
     def _met(self, fault: PlannedFault) -> FaultCase:
         return replace(fault.case, reaction=reaction_of(self._machine, fault.case, fault.injections()))
@@ -121,7 +122,7 @@ class Way:
     def goes_on(self, time_s: float, angle_deg: float, speed_deg_s: float) -> bool:
         """After a scan; False when the axis has come to rest, or the time is over."""
         self.way_deg = max(self.way_deg, abs(angle_deg - self._from_deg))
-        if abs(speed_deg_s) > _REST_DEG_S:
+        if abs(speed_deg_s) > self._rest_deg_s:
             self._rested_s = None
         elif self._rested_s is None:
             self._rested_s = time_s
@@ -129,13 +130,17 @@ class Way:
         return not rests and time_s - self._begin_s < _LONGEST_S
 
     def limit(self) -> float:
-        """Permitted way, deg: by the plant of the machine file, or if that is passed by the plant of the scenario."""
-        base = base_of(self._scenario)
-        known = max(
-            way + self._weakened(_between(base, case, speed), speed) for case, way, speed in self._parts
-        )
-        if self.way_deg <= known:
-            return known
+        """Permitted way, deg: by the plant of the machine file, or if that is passed by the plant of the scenario.
+
+        Of a drawn axis nearly every scenario has its own: a table of its ways would be asked once.
+        """
+        base, known = base_of(self._scenario), 0.0
+        if not self._scenario.template:
+            known = max(
+                way + self._weakened(_between(base, case, speed), speed) for case, way, speed in self._parts
+            )
+            if self.way_deg <= known:
+                return known
         own = max(
             way + self._weakened(self._of_class(self._machine, case, speed), speed)
             for case, way, speed in self._parts
@@ -159,8 +164,7 @@ class Way:
 
     def _weakened(self, limit: float, speed_deg_s: float) -> float:
         if self._no_torque:
-            base = base_machine("sim", False, "drive", self._scenario.scan_ms)
-            limit = max(limit, _interpolated(base, ReactionClass.TORQUE_OFF, SeenBy.RAMP, speed_deg_s))
+            limit = max(limit, self._without_ramp(speed_deg_s))
         for each in self._faults:
             for injection in each.injections():
                 if injection.kind == "slow":
@@ -176,6 +180,12 @@ class Way:
                     limit = limit / share if share > 0.0 else math.inf
         return limit
 
+    def _without_ramp(self, speed_deg_s: float) -> float:
+        if self._scenario.template:
+            return limit_deg(base_of(self._scenario), ReactionClass.TORQUE_OFF, speed_deg_s, SeenBy.RAMP)
+        base = base_machine("sim", False, "drive", self._scenario.scan_ms)
+        return _interpolated(base, ReactionClass.TORQUE_OFF, SeenBy.RAMP, speed_deg_s)
+
 
 def _between(machine: Machine, case: FaultCase, speed_deg_s: float) -> float:
     return _interpolated(machine, case.reaction, case.seen_by, speed_deg_s)
@@ -186,7 +196,8 @@ def _interpolated(machine: Machine, reaction: ReactionClass, seen_by: SeenBy, sp
     return float(np.interp(abs(speed_deg_s), _GRID_DEG_S, _grid(machine, reaction, seen_by)))
 
 
-def begins(fault: PlannedFault, speed_deg_s: float, wire_deg_s: float) -> bool:
+def begins(fault: PlannedFault, machine: Machine, speed_deg_s: float, wire_deg_s: float) -> bool:
     """The way of this fault is judged: it is seen at once, lasts, and the axis is in a motion that is commanded."""
     lasts = fault.for_s is None or fault.for_s >= _LASTS_S
-    return seen_in_motion(fault.case) and lasts and min(abs(speed_deg_s), abs(wire_deg_s)) >= _LEAST_DEG_S
+    least_deg_s = _LEAST_SHARE * machine.speed.setting_max_deg_s
+    return seen_in_motion(fault.case) and lasts and min(abs(speed_deg_s), abs(wire_deg_s)) >= least_deg_s

@@ -45,6 +45,9 @@ class Asked:
     def __init__(self, settings: AxisSettings, settled: float, told: float, sag: float) -> None:
         self._ramps, self._ratio = settings.ramps, settings.law.ratio
         self._endless = settings.travel.endless
+        # A move that has not come into its window has not ended for so long, though the axis stands.
+        self._window = settings.monitors.in_position_window_rad * self._ratio
+        self._arrives_ms = 1e3 * settings.monitors.in_position_tolerance_time_s
         self._settled, self._told, self._sag = settled, told, sag
         self.levels = OperatorCommand()
         self.until_ms = self._power_until = -1.0
@@ -115,14 +118,13 @@ class Asked:
             self.until_ms = now + _LEASE_MS + SETTLES_MS + 1e3 * ramp_s
         if stopping:
             # Halt has the ramp of a move, stop and power off that of a key.
-            release = ramps.jog_release_dec_rad_s2
-            self._ends_by(min(ramps.dec_rad_s2, release) if op.halt else release, now, vel)
+            self._ends_by(now, vel, halt=op.halt)
             # As behind a move: a key that is still held then ends nothing.
             self._key_counts = False
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
         # What the key began counts, not a mode that was chosen while it was held.
         if released and self._by_jog and self._key_counts:
-            self._ends_by(ramps.jog_release_dec_rad_s2, now, vel)
+            self._ends_by(now, vel)
         return untrue
 
     def _move(self, op: OperatorCommand, now: int, vel: float, angle: float, ramps: RampSettings) -> None:
@@ -187,7 +189,9 @@ class Asked:
         target = self.target
         if target is None or not self._there(angle, target) or self.levels.override == 0.0:
             self.at_target_ms = now
-        elif now - self.at_target_ms > _COMES_TO_REST_MS:
+            return
+        beside_ms = 0.0 if -self._window <= angle - target <= self._window else self._arrives_ms
+        if now - self.at_target_ms > _COMES_TO_REST_MS + beside_ms:
             self.target, self.until_ms = None, now
 
     def held(self, now: int, vel: float) -> bool:
@@ -195,12 +199,22 @@ class Asked:
         op = self.levels
         living = op.forward is not op.reverse and op.power and now - self._lease_ms <= _LEASE_MS
         if living:
-            self._ends_by(self._ramps.jog_release_dec_rad_s2, now, vel)
+            self._ends_by(now, vel)
         return living
 
-    def _ends_by(self, dec_rad_s2: float, now: int, vel: float) -> None:
-        """Nothing is asked once a stop on this ramp has ended."""
-        self.until_ms = now + 1e3 * abs(vel) / (dec_rad_s2 * self._ratio) + _COMES_TO_REST_MS
+    def _ends_by(self, now: int, vel: float, *, halt: bool = False) -> None:
+        """Nothing is asked once a stop from now on has ended: on the ramp of a key, or of a move for Halt.
+
+        An acceleration that is under way must go first: the crane of the template, 0.36 deg/s2 that change by as much
+        a second, comes to rest 5 s after a Halt at 0.5 deg/s.
+        """
+        ramps = self._ramps
+        dec, jerk = ramps.jog_release_dec_rad_s2, ramps.jog_release_jerk_rad_s3
+        if halt:
+            dec, jerk = min(dec, ramps.dec_rad_s2), min(jerk, ramps.jerk_rad_s3)
+        fastest = abs(vel) / self._ratio + 0.5 * ramps.acc_rad_s2**2 / jerk
+        ramp_s = fastest / dec + (ramps.acc_rad_s2 + dec) / jerk
+        self.until_ms = now + 1e3 * ramp_s + _COMES_TO_REST_MS
 
     def power(self, now: int) -> bool:
         """Torque may come on: for power, or for a brake test."""

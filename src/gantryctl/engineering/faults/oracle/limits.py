@@ -11,7 +11,12 @@ from typing import Final
 import numpy as np
 
 from gantryctl.engineering.faults.case import ReactionClass, SeenBy
-from gantryctl.engineering.faults.limits import brake_slip_deg, computed_deg, held_up_deg
+from gantryctl.engineering.faults.limits import (
+    brake_slip_deg,
+    computed_deg,
+    held_up_deg,
+    standstill_deg,
+)
 from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.stops import StopClass as SimulatedStop
 from gantryctl.engineering.stops import worst_stop
@@ -129,7 +134,8 @@ def bounds_of(machine: Machine) -> Bounds:
     quick_s = top / machine.virtual_axis.quick_dec_deg_s2 + _AT_REST_SPARE_S
     return Bounds(
         sag_deg=max(brake_slip_deg(machine), _SAG_SLIPS * machine.brake.sag_max_deg),
-        told_deg=REFERENCE.told_deg * max(1.0, part),
+        # Half of the required angle, as of the reference gantry, or what goes with the speed.
+        told_deg=max(REFERENCE.told_deg * max(1.0, part), 0.5 * machine.required.angle_deg),
         beyond_deg=computed_deg(machine, ReactionClass.FEEDBACK, top),
         fault_overspeed_deg_s=_driven_away_deg_s(machine),
         unheld_acc_deg_s2=_unheld_acc_deg_s2(machine),
@@ -180,7 +186,11 @@ def _unheld_acc_deg_s2(machine: Machine) -> float:
 
 
 def _computed_way_deg(machine: Machine, kind: StopClass, speed_deg_s: float) -> float:
-    speed = abs(speed_deg_s)
+    # However slow the axis is, a fault at standstill may move it as far.
+    return max(standstill_deg(machine), _way_from_deg(machine, kind, abs(speed_deg_s)))
+
+
+def _way_from_deg(machine: Machine, kind: StopClass, speed: float) -> float:
     if kind is StopClass.SILENCE:
         return computed_deg(machine, ReactionClass.TORQUE_OFF, speed) + 0.2 * speed
     if kind is StopClass.NO_RAMP:

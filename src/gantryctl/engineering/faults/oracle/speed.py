@@ -71,6 +71,8 @@ class SpeedOnWire:
                 self._stepped(true, before, vel, passed)
         self.vel, self._ms = vel, now
         if -self.settled < vel < self.settled:
+            # What was asked forth and back has ended: the next question is another one.
+            self._stray = 0.0
             self._rest_angle, self._rest_wrong = true.angle, wrong
             return False
         self._wrong = wrong
@@ -79,7 +81,7 @@ class SpeedOnWire:
             if self._shipped and asked.leads_away(true.angle + true.offset, vel):
                 self._leads_away(true, asked, vel)
             if now > asked.until_ms:
-                self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
+                self._stray += abs(vel) * passed * 1e-3
                 self._check_origin(true, asked, vel)
         return True
 

@@ -41,8 +41,6 @@ _BROADCAST: Final = frozenset({0x000, 0x080})
 _TO_NODE: Final = frozenset({0x200, 0x300, 0x400, 0x500, 0x600})
 _HEARTBEAT: Final = 0x700
 _SAMPLE_S: Final = 1e-3
-# Drive cycles of 125 us in a millisecond.
-_CYCLES: Final = 8
 
 
 class Oracle:
@@ -204,7 +202,7 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
                 sim is not axis.sim
             ):  # a changed limit makes a new one, for the scan that has just been made too
                 axis.sim = sim
-                sim.sample_every(_CYCLES)
+                drive.sample_every(_SAMPLE_S)
                 truth, brake_open = sim.truth(), sim.feedback(_COUNT_RAD)[3]
                 for _ in range(round(sim.scan_period_s / _SAMPLE_S)):
                     sample(truth[2], truth[3], 0.0, brake_open, energised)
