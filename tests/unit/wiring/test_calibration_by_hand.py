@@ -157,7 +157,7 @@ def test_the_numbers_of_the_laws_are_those_of_the_calibration() -> None:
         "inertia_load_kg_m2": 2_172_816.0, "friction_load_nm": 4e3, "backlash_rad": 3e-5,
         "compliance_rad_per_nm": 2.5e-9, "windup_per_acc_s2": 0.006, "swing_rad_s": 12.566371,
         "friction_nm": 10e3, "friction_load_ratio": 0.1, "friction_nm_s_per_rad": 50e3,
-        "friction_spread_nm": 5e3, "observer_rate": 4.9987502e-4,
+        "friction_spread_nm": 5e3, "observer_rate": 4.9987502e-4, "observer_calm_s": 2.0,
         "observer_weight": 2.0 * 0.001 * 2.0 / 3500.0**2, "backlash_held_rad": 3e-5,
         "backlash_fast": 0.04902308, "backlash_slow": 0.003136665,
     }  # fmt: skip
@@ -180,6 +180,8 @@ def test_the_numbers_of_the_laws_are_those_of_the_file() -> None:
         "pos_limit_rad": 0.00872665, "encoder_gain_per_s": 0.7, "encoder_dead_band_rad": 6.98132e-5,
         "encoder_limit_rad": 0.00436332, "swing_speed_max_rad_s": 0.0174533, "damping_gain": 0.2,
         "damping_filter": 0.0487706, "damping_slow": 0.001998, "latency_s": 0.0015,
+        # 1.82 deg/s3, and a hundredth.
+        "jerk_max_rad_s3": 0.0320826,
     }  # fmt: skip
     found = wiring._numbers(machine)
     assert {name: found[name] for name in expected} == approx(expected, rel=1e-5)
@@ -207,6 +209,7 @@ def test_the_numbers_of_the_laws_are_those_of_the_file() -> None:
         ),
         ({"swing_hz": None}, "swing_rad_s", 0.0),
         ({"swing_hz": None}, "observer_rate", 0.0),
+        ({"swing_hz": None}, "observer_calm_s", 0.0),
         # All lost motion, 2e-5 rad each way.
         ({"backlash_rad": None}, "backlash_held_rad", 4e-5),
     ],
