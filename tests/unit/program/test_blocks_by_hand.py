@@ -206,6 +206,16 @@ def test_set_position_changes_the_zero_and_nothing_moves(rig):
     assert not rig.codes
 
 
+def test_what_torque_was_learned_stays_with_the_place(rig):
+    """A moment with its largest torque, 14 N m, at 90 deg, which is called 12.5 deg: BRK-02 asks for the same there."""
+    model = rig.axis.monitors.drag.model
+    rig.axis.pos_act_rad = rad(90.0)
+    model.restore((14.0, 0.0, 5.0, 1.0, 2.0))
+    assert rig.axis.set_position(rad(12.5)) is None
+    assert model.expected_nm(rad(12.5), 0.0, 0.0) == pytest.approx(14.0)
+    assert model.expected_nm(rad(12.5 - 90.0), 0.0, 0.0) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_set_position_is_refused_in_motion_and_outside(rig):
     move, block = MoveAbsolute(rig.axis), SetPosition(rig.axis)
     call(rig, block, execute=True, position_rad=rad(180.5))

@@ -224,3 +224,23 @@ def test_a_sample_that_is_no_number_teaches_nothing(place: int) -> None:
     sample[place] = math.nan if place != 1 else math.inf
     model.add(*sample)
     assert model._weights == before
+
+
+@pytest.mark.parametrize("by_deg", [90.0, -37.0, 180.0, 400.0])
+def test_a_new_zero_turns_what_was_learned_to_the_same_places(
+    there_and_back: list[Sample], by_deg: float
+) -> None:
+    """As if it had been learned with the new zero, also what a further sample teaches.
+
+    Within 0.02 N m: what may wander is added to sine and cosine by themselves, whichever these are.
+    """
+    old, new = TorqueModel(RATIO, RATED_NM), TorqueModel(RATIO, RATED_NM)
+    for pos, vel, acc, torque in there_and_back:
+        old.add(pos, vel, acc, torque)
+        new.add(pos + math.radians(by_deg), vel, acc, torque)
+    old.turn(math.radians(by_deg))
+    assert old.weights == pytest.approx(new.weights, abs=0.02)
+    for model in (old, new):
+        model.add(0.3, 0.05, 0.001, 50.0)
+    assert old.weights == pytest.approx(new.weights, abs=0.02)
+    assert old.expected_nm(0.4, 0.05, 0.0) == pytest.approx(new.expected_nm(0.4, 0.05, 0.0), abs=0.02)

@@ -348,6 +348,12 @@ class Axis:
         if self.turns is not None:
             self.zero_counts = self.turns.begin(self.zero_counts)
         self.power.rebase()
+        # An angle that was not known (NaN) says nothing of the new one.
+        by_rad = position_rad - self.pos_act_rad
+        if math.isfinite(by_rad):
+            self.monitors.drag.model.turn(by_rad)
+        else:
+            self.monitors.drag.model.forget()
         self.pos_act_rad = position_rad
         if self.virtual.following:
             self._follow()

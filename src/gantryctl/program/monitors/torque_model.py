@@ -67,6 +67,19 @@ class TorqueModel:
         self._reading_var = 0.0
         self.learned = False
 
+    def turn(self, by_rad: float) -> None:
+        """Call every angle `by_rad` more from now on: the moment is that of the same place.
+
+        a sin(p) + b cos(p) with p = q - by is (a cos by + b sin by) sin(q) + (b cos by - a sin by) cos(q).
+        """
+        cos, sin = math.cos(by_rad), math.sin(by_rad)
+        self._weights[:2] = _turned(self._weights[0], self._weights[1], cos, sin)
+        # Covariance of turned weights: its rows and its columns are turned alike.
+        rows = zip(*self._cov[:2], strict=True)
+        self._cov[:2] = map(list, zip(*(_turned(a, b, cos, sin) for a, b in rows), strict=True))
+        for row in self._cov:
+            row[:2] = _turned(row[0], row[1], cos, sin)
+
     @property
     def weights(self) -> tuple[float, ...]:
         """What is to be retained; () until learned."""
@@ -120,3 +133,7 @@ class TorqueModel:
 def _features(pos_rad: float, vel_rad_s: float, acc_rad_s2: float) -> tuple[float, ...]:
     sign = math.copysign(1.0, vel_rad_s) if vel_rad_s else 0.0
     return math.sin(pos_rad), math.cos(pos_rad), sign, vel_rad_s / _VEL_RAD_S, acc_rad_s2 / _ACC_RAD_S2
+
+
+def _turned(sine: float, cosine: float, cos: float, sin: float) -> tuple[float, float]:
+    return sine * cos + cosine * sin, cosine * cos - sine * sin
