@@ -10,7 +10,7 @@ from typing import Final
 
 from gantryctl.machine import Machine
 from gantryctl.operation.client import BrakeDue
-from gantryctl.operation.store import TIME_FORMAT
+from gantryctl.operation.store import TIME_FORMAT, time_text
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.program.alarms.log import from_wire, messages_to_wire
 from gantryctl.program.alarms.reason import ClearedBy, Reason
@@ -52,7 +52,7 @@ def brake_due(
         overdue = left <= 0 or not machine.plant_is_local or bool(retained.brake_tested_at)
         return BrakeDue("", max(0, left), overdue, slow_deg_s)
     due = tested + timedelta(days=brake.test_interval_days)
-    return BrakeDue(due.strftime(TIME_FORMAT), max(0, left), left <= 0 or now >= due, slow_deg_s)
+    return BrakeDue(time_text(due), max(0, left), left <= 0 or now >= due, slow_deg_s)
 
 
 def judge_due(machine: Machine, axis: Axis, retained: Retained, power_ups: int) -> BrakeDue:
@@ -95,7 +95,7 @@ def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now:
     failed = result.outcome is BrakeTestOutcome.FAILED
     return replace(
         shown,
-        brake_tested_at=now.strftime(TIME_FORMAT),
+        brake_tested_at=time_text(now),
         brake_tested_power_ups=power_ups,
         brake_failed=result.text if failed else "",
         brake_tests=retained.brake_tests + 1,

@@ -49,9 +49,20 @@ TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%SZ"
 """Date and time in records, UTC."""
 
 
+def time_text(when: datetime) -> str:
+    """Date and time for a record.
+
+    Args:
+        when: in UTC.
+    """
+    # Without its zone: the C code of datetime asks a zone by a name that it makes anew at each call, and CPython keeps
+    # such names in its cache of methods, up to 512 of 64 bytes: blocks that grow for days and look like a leak.
+    return when.replace(tzinfo=None).strftime(TIME_FORMAT)
+
+
 def now_text() -> str:
-    """Date and time for a record, UTC."""
-    return datetime.now(UTC).strftime(TIME_FORMAT)
+    """Date and time now, for a record."""
+    return time_text(datetime.now(UTC))
 
 
 def state_root() -> Path:

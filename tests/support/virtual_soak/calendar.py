@@ -14,7 +14,6 @@ DATED: Final = (
     "gantryctl.operation.brake_policy",
     "gantryctl.operation.run_memory",
     "gantryctl.operation.store",
-    "gantryctl.service.controller.alarm_view",
     "gantryctl.service.controller.brake_watch",
     "gantryctl.service.memory.events",
     "gantryctl.service.recorder.journal.file",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from datetime import UTC, datetime
 from itertools import takewhile
 from typing import Any, Final
 
@@ -12,7 +11,7 @@ from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import TravelSettings
-from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.events import EventLog, now_ms_text
 from gantryctl.service.memory.snapshot import rounded
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.units import deg
@@ -27,7 +26,7 @@ class _Row:
 
     def __init__(self, number: int, alarm: Alarm, pos_deg: float | None) -> None:
         self.number, self.alarm, self.pos_deg = number, alarm, pos_deg
-        self.at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self.at = now_ms_text()
         self.acknowledged_by = ""
 
 

@@ -53,7 +53,7 @@ class EventLog:
                 "service", f"{missing} events are missing here: they found no place to wait for the recorder"
             )
         record = {
-            "utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "utc": now_ms_text(),
             "monotonic_ns": time.monotonic_ns(),
             "kind": kind,
             "user": printable(who.user if who else "", 64),
@@ -70,6 +70,12 @@ class EventLog:
             self.lost += 1
             return 0
         return self._ring.written
+
+
+def now_ms_text() -> str:
+    """Date and time now in UTC, to the millisecond."""
+    # The zone is written by hand, as in `gantryctl.operation.store.time_text`.
+    return f"{datetime.now(UTC).replace(tzinfo=None).isoformat(timespec='milliseconds')}+00:00"
 
 
 def printable(text: str, length: int = TEXT_MAX) -> str:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from gantryctl.errors import DeviceError
-from gantryctl.operation.store import TIME_FORMAT
+from gantryctl.operation.store import time_text
 from gantryctl.program.alarms.log import Refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.last_seen import LastSeen
@@ -69,7 +69,7 @@ class RunRecord(NamedTuple):
     @property
     def told(self) -> Refusal:
         """SYS-05 about a run that ended with this record."""
-        utc = datetime.fromtimestamp(self.utc_s, UTC).strftime(TIME_FORMAT)
+        utc = time_text(datetime.fromtimestamp(self.utc_s, UTC))
         return self.seen.told(Words.AT_TIME(utc=utc))
 
     @property
