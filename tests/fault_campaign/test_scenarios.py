@@ -8,7 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.engineering.fault_campaign.draw import drawable, pair_scenario, random_scenario, wide_scenario
+from gantryctl.engineering.fault_campaign.draw import (
+    axis_scenario,
+    drawable,
+    pair_scenario,
+    random_scenario,
+    wide_scenario,
+)
 from gantryctl.engineering.fault_campaign.machines import base_of, machine_of
 from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.fault_campaign.scenario import (
@@ -20,6 +26,7 @@ from gantryctl.engineering.fault_campaign.scenario import (
 )
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.errors import UsageError
+from gantryctl.machine.places import reach_deg
 
 pytestmark = pytest.mark.can
 TURNING = (Action(at_s=0.1, do="power"), Action(at_s=1.6, do="move", target_deg=60.0, speed_deg_s=3.0))
@@ -57,6 +64,31 @@ def test_wide_scenarios_have_every_scan_period_and_plants_at_the_edge() -> None:
     assert abs(off - 1.0) == pytest.approx(0.2)
 
 
+def test_scenarios_of_other_axes_are_within_their_travel_and_speed() -> None:
+    drawn = [axis_scenario(1, seed) for seed in range(12)]
+    assert len({each.template for each in drawn}) > 4
+    assert any(each.improved for each in drawn)
+    for each in drawn:
+        machine = base_of(each)
+        low, high = reach_deg(machine)
+        assert each.drive == "sim"
+        assert machine.control.scan_period_ms == each.scan_ms
+        assert low <= each.angle_deg <= high
+        fastest = [abs(action.speed_deg_s) for action in each.actions if action.do in ("move", "jog")]
+        assert max(fastest, default=0.0) <= machine.speed.setting_max_deg_s * (1.0 + 1e-9)
+    # The improved gantry has the plant of its calibration.
+    assert {each.plant_seed for each in drawn if each.improved} == {None}
+
+
+def test_answers_of_a_scenario_are_those_of_its_axis() -> None:
+    """A crane of twice the inertia that the template has."""
+    usual, heavy = (
+        machine_of(Scenario(template="crane_slew", answers=answers))
+        for answers in ({}, {"inertia_kg_m2": 2e7})
+    )
+    assert heavy.plant.load.inertia_kg_m2 == pytest.approx(2.0 * usual.plant.load.inertia_kg_m2)
+
+
 def test_a_seed_is_a_scenario_on_every_computer() -> None:
     """Written down once: another Python, another processor, the same numbers."""
     first = random_scenario(1, 123, 4.0)
@@ -71,7 +103,7 @@ def test_a_seed_is_a_scenario_on_every_computer() -> None:
 
 def test_a_file_gives_the_same_scenario_again(tmp_path: Path) -> None:
     for seed in range(30):
-        drawn = wide_scenario(1, seed)
+        drawn = wide_scenario(1, seed) if seed else axis_scenario(1, 15)
         file = tmp_path / "scenario.toml"
         file.write_text(scenario_toml(drawn))
         assert load_scenario(file) == drawn
@@ -86,6 +118,10 @@ def test_a_file_gives_the_same_scenario_again(tmp_path: Path) -> None:
         ('[[faults]]\nnumber = "A1"\nat_s = 1.0\nargs = { angle_deg = 1e9 }', "from -360 to 360"),
         ('[[actions]]\ndo = "fly"\nat_s = 1.0', "actions.0.do"),
         ("scan_ms = ", "scenario.toml"),
+        ('template = "gantry"\ndrive = "bus"', "on the simulated drive"),
+        ('template = "gantry"\nimproved = true', "of one kind"),
+        ("improved = true\nsecond_pinion = true", "one pinion"),
+        ("answers = { inertia_kg_m2 = nan }", "answers.inertia_kg_m2"),
     ],
 )
 def test_a_file_that_is_wrong_is_refused_by_its_place(tmp_path: Path, text: str, told: str) -> None:
