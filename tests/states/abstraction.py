@@ -244,6 +244,7 @@ RULES: Final[dict[type, Rules]] = {
         "_jump_per_speed _old_scans _period_s _ratio _rest_rad_s read_rad",
         special={
             "_late_scan": _since("_late_scan"),
+            "_let_go_scan": lambda each, roots: max(-1, each._let_go_scan - roots.axis.scan),
             "_speed_scan": _since("_speed_scan"),
             "_bad_scans": lambda feedback, roots: tuple(
                 min(roots.axis.scan - scan, 8) for scan in feedback._bad_scans

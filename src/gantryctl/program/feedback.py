@@ -100,8 +100,8 @@ class Feedback:
         "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
         "_complains", "_counts_per_rad", "_deviation_ms", "_doubtful", "_drift", "_drift_keep", "_drift_max",
         "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
-        "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
-        "_ratio", "_rest", "_rest_rad_s", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step",
+        "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_let_go_scan", "_look", "_old", "_old_scans",
+        "_period_s", "_ratio", "_rest", "_rest_rad_s", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step",
         "_step_before", "_swing_nm", "_torque_left_nm", "_torque_twist_nm", "_turn_base", "_turn_per_torque",
         "_turn_scan", "_turn_vel", "_twist_share", "_uneven_scan", "_vel_before", "_vel_max", "_was_energised",
         "age", "brake_contact",
@@ -158,7 +158,7 @@ class Feedback:
         # At least three scans: one or two late telegrams are bridged (A16).
         self._old_scans = max(3, int(monitors.reading_age_s / period_s + 1e-9))
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
-        self._late_scan, self._late_age = -10, 0
+        self._late_scan, self._late_age, self._let_go_scan = -10, 0, -1
         self._speed_scan = -10  # the last in which the speed was older than the position
         self._uneven_scan = -10  # the last whose step took more or less than a scan
         # The last change of the speed that was looked at without torque: in which scan, from which speed.
@@ -249,6 +249,14 @@ class Feedback:
     def lasting(self, count: int) -> int:
         """Next count of a condition that holds in this scan: begun before missed scans, it has lasted over them."""
         return count + self.periods if count else 1
+
+    def brake_opens(self, settles_scans: int) -> None:
+        """The brake opens, and lets go what the gear was twisted by, of which no torque tells.
+
+        Of a load that nobody has learned yet: 290 kN m of wind threw the rotor of a yaw drive with 11 deg/s2 until its
+        torque came, a scan later.
+        """
+        self._let_go_scan = self._alarms.scan + settles_scans
 
     def accept_position(self) -> None:
         """Take the present reading as valid: service has compared the angle."""
@@ -433,6 +441,7 @@ class Feedback:
             and self._alarms.scan - self._late_scan > _LATE_SCANS
             and self.state in ENABLED
             and self.brake_open
+            and self._alarms.scan > self._let_go_scan
         ):
             # The torque of now that acts in the direction of the change, and what has just gone of one against it: the
             # gear that it had twisted turns the shaft (a limit that falls in a quick stop, 0.36 deg/s in 10 ms). A

@@ -156,6 +156,23 @@ def test_a_gear_that_untwists_changes_the_speed(period_s, by_drive, before_nm, n
 
 
 @BOTH
+@pytest.mark.parametrize(
+    ("period_s", "by_drive", "any_way"), [(0.001, 0.2055, 0.369), (0.004, 0.222, 0.876), (0.010, 0.255, 1.89)]
+)
+def test_a_brake_that_opens_lets_go_a_gear_of_which_no_torque_tells(period_s, by_drive, any_way, way):
+    """For so many scans as the power sequence says, in this one too; then as before."""
+    for after_scans, most in ((0, any_way), (3, any_way), (4, by_drive)):
+        for share, wrong in ((0.99, False), (1.01, True)):
+            encoder = Encoder(period_s, 3.0, monitors=ROTOR)
+            encoder.scan()
+            encoder.feedback.brake_opens(4)
+            for _ in range(after_scans):
+                encoder.scan()
+            encoder.scan(speed_deg_s=3.0 + way * share * most)
+            assert ("ENC-14" in encoder.codes) is wrong, (after_scans, share)
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(("speed_deg_s", "wrong"), [(20.9, False), (21.1, True)])
 def test_twice_the_highest_speed_of_the_motor_is_no_reading(period_s, way, speed_deg_s, wrong):

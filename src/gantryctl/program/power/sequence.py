@@ -368,6 +368,7 @@ class PowerSequence:
         if self._turns_back:
             self._enter(PowerPhase.CLOSING)
             return
+        self._feedback.brake_opens(self._sag_scans)
         if self._slip.slipped(pos_rad, Code.BRK_10):
             return
         limit = self._open_late_scans
