@@ -46,8 +46,8 @@ _DEEDS: Final[tuple[Deed, ...]] = (
 _AT_SPEED: Final[tuple[Deed, ...]] = ("move", "jog", "increment")
 # A person's own deeds are drawn as such; a brake that never holds and a spoilt HOLD have rows of their own.
 _NOT_DRAWN: Final = frozenset({"B1", "B10", "G17"})
-# Of the drawn axes; and trials of answers for one that a motor can do: of three drawn ones two are.
 _IMPROVED_SHARE: Final = 0.15
+# So many answers are drawn for an axis that a motor of the catalogue can do; else those of the template stay.
 _DRAFTS: Final = 10
 # Decades to either side of the answer of a template.
 _ANSWERS: Final = {

@@ -36,15 +36,15 @@ _CLASSES: Final = frozenset(
         ReactionClass.HALT,
     }
 )  # fmt: skip
-# Of the highest speed: ways of slower motions are within what standstill permits (0.6 deg/s of the reference gantry).
-_LEAST_SHARE: Final = 0.1
+# Parts of the highest speed: ways of slower motions are within what standstill permits (0.6 deg/s of the reference
+# gantry); and what the oracle calls rest too (0.05 deg/s), for so long, s.
+_LEAST_PART: Final = 10.0
+_REST_PART: Final = 120.0
+_RESTS_S: Final = 0.2
 # s: what lasts less may be over before it is believed.
 _LASTS_S: Final = 0.5
 # A stop from no speed at all has no simulation.
 _GRID_DEG_S: Final = (0.01, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-# Of the highest speed, which the oracle calls rest too (0.05 deg/s of the reference gantry); and for how long, s.
-_REST_SHARE: Final = 1.0 / 120.0
-_RESTS_S: Final = 0.2
 _LONGEST_S: Final = 4.0
 _UNBOUNDED: Final = frozenset({"B3", "B7", "C2", "C3", "C4", "D3"})
 _WITHOUT_TORQUE: Final = frozenset({"B8", "C7", "D7", "D13"})
@@ -96,7 +96,7 @@ class Way:
         self._rested_s: float | None = None
         self._asked_deg_s = speed_deg_s
         self.bounded = not any(each.number in _UNBOUNDED for each in self._faults)
-        self._rest_deg_s = _REST_SHARE * machine.speed.setting_max_deg_s
+        self._rest_deg_s = machine.speed.setting_max_deg_s / _REST_PART
 
     def _met(self, fault: PlannedFault) -> FaultCase:
         return replace(fault.case, reaction=reaction_of(self._machine, fault.case, fault.injections()))
@@ -199,5 +199,5 @@ def _interpolated(machine: Machine, reaction: ReactionClass, seen_by: SeenBy, sp
 def begins(fault: PlannedFault, machine: Machine, speed_deg_s: float, wire_deg_s: float) -> bool:
     """The way of this fault is judged: it is seen at once, lasts, and the axis is in a motion that is commanded."""
     lasts = fault.for_s is None or fault.for_s >= _LASTS_S
-    least_deg_s = _LEAST_SHARE * machine.speed.setting_max_deg_s
+    least_deg_s = machine.speed.setting_max_deg_s / _LEAST_PART
     return seen_in_motion(fault.case) and lasts and min(abs(speed_deg_s), abs(wire_deg_s)) >= least_deg_s
