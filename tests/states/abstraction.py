@@ -264,7 +264,7 @@ RULES: Final[dict[type, Rules]] = {
         number="torque_ff_nm",
         part="_hold_watch _ramp _rest _slip brake_test holding wear",
         # Of the proof only the twist has a state, and these settings do not judge it.
-        clock="_pos_rad _torque_proof _twist",
+        clock="_off_s _pos_rad _torque_proof _twist",
         fixed="_alarms _braced_scans _close_late_scans _close_scans _disabled_scans _disabling_scans _feedback "
         "_open_late_scans _period_s _power_up_scans _sag_scans _settings _slip_scans _step_scans",
         special={
@@ -340,7 +340,8 @@ RULES: Final[dict[type, Rules]] = {
     TorqueWatch: Rules(
         when=lambda _, roots: roots.axis.virtual.following,
         same="_pulled _suspicious",
-        number="_fast_acc _fast_nm _free_acc _free_nm _last_nm _lost_rad_s _mean_nm _missing _pos_err_rad _vel_start",
+        number="_fast_acc _fast_nm _free_acc _free_nm _last_nm _lost_nm _lost_rad_s _mean_nm _missing _pos_err_rad "
+        "_vel_start",
         count="_blocked _grips _heavy _leap _lost",
         fixed="_alarms _blocked_scans _deviation_max _effort_nm "
         "_effort_share _fast_share _feedback _grip_nm _grips_scans _per_acc _virtual _heavy_nm _heavy_scans _holding "

@@ -74,6 +74,34 @@ def test_torque_of_nothing_while_friction_brings_the_speed_back_is_not_lost(
     assert parts.codes == codes
 
 
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(("moved_nm", "codes"), [(3.5, ["DRV-13"]), (6.0, [])])
+def test_torque_that_goes_on_through_nothing_is_not_lost(period_s, way, moved_nm, codes):
+    """Through 2 % of 257 N m, 5.1 on either side, and more than 3.9 of it within 50 ms."""
+    parts = Parts(period_s)
+    watch = watched(parts)
+    off = at_speed(parts, way * 3.0, way * 0.3)
+    torque_nm = -5.0
+    while torque_nm <= 5.0:
+        parts.feedback.torque_nm = way * torque_nm
+        watch.scan(off, 0.0)
+        torque_nm += moved_nm * period_s / 0.050
+    assert parts.codes == codes
+
+
+@PERIODS
+def test_a_reading_that_nobody_believes_does_not_show_that_the_drive_answers(period_s):
+    parts = Parts(period_s)
+    watch = watched(parts)
+    parts.holding.believed = False
+    off = at_speed(parts, 3.0, 0.3)
+    for _ in range(round(0.060 / period_s)):
+        parts.feedback.torque_nm = 100.0 - parts.feedback.torque_nm
+        watch.scan(off, 0.0)
+    assert "DRV-13" in parts.codes
+
+
 @PERIODS
 def test_lost_torque_is_told_50_ms_after_friction_has_taken_the_speed_past_its_command(period_s):
     """From 0.5 deg/s above, 10 deg/s2 slower than the command: 0.05 deg/s below it after 55 ms."""

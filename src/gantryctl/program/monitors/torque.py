@@ -24,10 +24,12 @@ _DEVIATION_SHARE: Final = 0.1
 # A reading of nothing, as part of the rated torque. A swing of the load passes through it in less than 30 ms.
 _NOTHING_SHARE: Final = 0.02
 _LOST_S: Final = 0.050
-# A PI loop whose torque stays at nothing for a time t has a deviation that shrinks by exp(-t/Tn): friction brings the
-# speed to its command, and nothing is missing. By less within 50 ms only with Tn above 0.5 s. Without torque the
-# deviation stays or grows.
+# A PI loop answers a deviation. Where its torque stays at nothing for a time t, the deviation shrinks by exp(-t/Tn):
+# friction brings the speed to its command, by less than a tenth within 50 ms only with Tn above 0.5 s. Or the torque
+# goes on through nothing (a yaw drive that starts against the wind, 5 N m in 50 ms). Without torque the deviation stays
+# or grows, and the reading stays, within a noise of three quarters of what counts as nothing.
 _SHRINKS_SHARE: Final = 0.9
+_MOVES_SHARE: Final = 0.75
 # The load swings at 2 Hz, so a mean over 0.3 s takes part in its swing; sound torque leaves this mean by 154 N m at
 # most; eight such taps drive it to the torque limit.
 _MEAN_S: Final = 0.3
@@ -78,7 +80,7 @@ class TorqueWatch:
         "_fast_acc", "_fast_nm", "_fast_share", "_feedback", "_free_acc", "_free_nm", "_grip_nm", "_grips",
         "_grips_scans", "_heavy", "_heavy_nm",
         "_heavy_scans", "_holding", "_known", "_last_nm", "_leap", "_leap_nm", "_leap_scans", "_lost",
-        "_lost_rad_s", "_lost_scans", "_mean_nm", "_mean_share", "_minus_scan", "_missing",
+        "_lost_nm", "_lost_rad_s", "_lost_scans", "_mean_nm", "_mean_share", "_minus_scan", "_missing",
         "_missing_max", "_nothing_nm", "_off", "_off_nm",
         "_off_scans", "_per_acc", "_period_s", "_plus_scan", "_pos_err_rad", "_pulled", "_rated_nm",
         "_rise_nm", "_start", "_suspicious", "_swing_scans",
@@ -133,7 +135,7 @@ class TorqueWatch:
 
     def _calm(self) -> None:
         self._lost = self._blocked = self._leap = self._heavy = self._grips = 0
-        self._lost_rad_s = 0.0
+        self._lost_rad_s = self._lost_nm = 0.0
         self._free_nm = self._free_acc = 0.0
         self._missing = self._vel_start = 0.0
         self._pulled = self._suspicious = False
@@ -204,12 +206,8 @@ class TorqueWatch:
         off_command = not -self._deviation_max <= deviation_rad_s <= self._deviation_max
         # A reading that is not believed may hide that there is nothing: then the speed alone decides.
         nothing = not believed or -self._nothing_nm <= torque_nm <= self._nothing_nm
-        off_rad_s = abs(deviation_rad_s)
-        if not (off_command and nothing) or off_rad_s < _SHRINKS_SHARE * self._lost_rad_s:
-            self._lost = 0
-        if off_command and nothing:
-            self._lost_rad_s = self._lost_rad_s if self._lost else off_rad_s
-            self._lost = feedback.lasting(self._lost)
+        shown_nm = torque_nm if believed else 0.0
+        self._count_lost(abs(deviation_rad_s), shown_nm, nothing=off_command and nothing)
         if self._lost >= self._lost_scans:
             time_ms = self._lost * self._period_s * 1e3
             self._alarms.raise_(
@@ -239,6 +237,19 @@ class TorqueWatch:
             self._missing = 0.0
         else:
             self._effort(rise_nm, vel, command)
+
+    def _count_lost(self, off_rad_s: float, torque_nm: float, *, nothing: bool) -> None:
+        """Scans without torque, since which neither the deviation has shrunk nor the reading moved on."""
+        answered = (
+            off_rad_s < _SHRINKS_SHARE * self._lost_rad_s
+            or abs(torque_nm - self._lost_nm) > _MOVES_SHARE * self._nothing_nm
+        )
+        if not nothing or answered:
+            self._lost = 0
+        if nothing:
+            if not self._lost:
+                self._lost_rad_s, self._lost_nm = off_rad_s, torque_nm
+            self._lost = self._feedback.lasting(self._lost)
 
     def _gripped(self, torque_nm: float, command: float) -> bool:
         """Half of the brake's torque more than just before, in the direction of motion, and it stays."""

@@ -75,6 +75,7 @@ class PowerSequence:
         "_feedback",
         "_hold_watch",
         "_load_nm",
+        "_off_s",
         "_open_late_scans",
         "_parking",
         "_period_s",
@@ -148,6 +149,7 @@ class PowerSequence:
         self._parking = self._unloaded = self._turns_back = False
         # A stop began behind a brake that had not been opened yet: nothing has to come to rest.
         self._stood = False
+        self._off_s = 0.0
         self._count = self._enabled_scans = 0
         self._pos_rad: float | None = None
         self._load_nm = 0.0
@@ -295,6 +297,9 @@ class PowerSequence:
         self._unloaded = disabled and self._unloaded
         closed = self._feedback.brake_known and not (self._feedback.brake_open or self.brake_open)
         self._stood = self.phase in RISING and closed
+        self._off_s = (
+            self._count * self._period_s if self.phase in (PowerPhase.OFF, PowerPhase.PARKED) else 0.0
+        )
         self.phase = phase
         self._count = self._enabled_scans = 0
         self._rest.begin()
@@ -335,6 +340,12 @@ class PowerSequence:
         if feedback.brake_open:
             if self._count > self._close_late_scans:
                 self._brake_still_open(Reaction.QUICK_STOP)
+            return
+        # A shaft that turns as the torque comes shows that the brake does not hold the load: torque does, from here on.
+        # The proof would take that torque for a reading with the wrong sign, and let the load go.
+        if feedback.speed_known and not feedback.slow:
+            speed, off_s = deg(abs(feedback.vel_rad_s)), self._off_s + self._count * self._period_s
+            self._alarms.raise_(Code.BRK_11, measured=speed, time_s=off_s)
             return
         self._enabled_scans += feedback.periods
         if self._enabled_scans < self._braced_scans:
