@@ -158,13 +158,13 @@ def test_service_ends_the_horn():
 
 @AT_EVERY_SCAN_MS
 def test_a_load_that_sinks_behind_a_failed_torque_proof_is_caught(scan_ms):
-    """A brake without torque, and the load has sunk by 0.012 deg, too little to be told, when it is switched on.
+    """A brake without torque, and the load has sunk by 0.002 deg, too little to be told, when it is switched on.
 
     The drive holds the load, so its torque against the brake is not proven; as the torque goes off again the load
     sinks on: 0.37 deg/s, told after 3 s, in seeds 3214 and 4900 of the fault campaign.
     """
     rig = slipping(scan_ms, 16_000.0)
-    rig.until(lambda: rig.reach_deg > 0.012)
+    rig.until(lambda: rig.reach_deg > 0.002)
     assert rig.codes == []
     rig.say(power=True)
     rig.until(lambda: rig.phase is PowerPhase.PROVING, 1.0)
@@ -175,3 +175,19 @@ def test_a_load_that_sinks_behind_a_failed_torque_proof_is_caught(scan_ms):
     assert rig.phase is PowerPhase.TORQUE_HOLD
     assert rig.reach_deg < CAUGHT_DEG
     assert abs(rig.motor_deg_s) < 0.001
+
+
+def test_a_load_that_turns_the_shaft_as_power_comes_is_held_and_not_proved():
+    """Behind a brake without torque, 0.012 deg further: within the slip that is permitted, at 0.02 deg/s and more.
+
+    The torque by which the zero speed of the drive brakes it would be taken for a reading with the wrong sign.
+    """
+    rig = slipping(1.0, 16_000.0)
+    rig.until(lambda: rig.reach_deg > 0.012)
+    assert rig.codes == []
+    rig.say(power=True)
+    rig.run(3.0)
+    assert rig.codes == ["BRK-11"]
+    assert rig.phase is PowerPhase.TORQUE_HOLD
+    assert rig.reach_deg < 0.02
+    assert rig.axis.feedback.position_valid
