@@ -177,12 +177,13 @@ def test_a_load_that_sinks_behind_a_failed_torque_proof_is_caught(scan_ms):
     assert abs(rig.motor_deg_s) < 0.001
 
 
-def test_a_load_that_turns_the_shaft_as_power_comes_is_held_and_not_proved():
+@AT_EVERY_SCAN_MS
+def test_a_load_that_turns_the_shaft_as_power_comes_is_held_and_not_proved(scan_ms):
     """Behind a brake without torque, 0.012 deg further: within the slip that is permitted, at 0.02 deg/s and more.
 
     The torque by which the zero speed of the drive brakes it would be taken for a reading with the wrong sign.
     """
-    rig = slipping(1.0, 16_000.0)
+    rig = slipping(scan_ms, 16_000.0)
     rig.until(lambda: rig.reach_deg > 0.012)
     assert rig.codes == []
     rig.say(power=True)

@@ -264,7 +264,7 @@ RULES: Final[dict[type, Rules]] = {
         number="torque_ff_nm",
         part="_hold_watch _ramp _rest _slip brake_test holding wear",
         # Of the proof only the twist has a state, and these settings do not judge it.
-        clock="_off_s _pos_rad _torque_proof _twist",
+        clock="_off_s _pos_rad _torque_proof _turns_rad_s _twist",
         fixed="_alarms _braced_scans _close_late_scans _close_scans _disabled_scans _disabling_scans _feedback "
         "_open_late_scans _period_s _power_up_scans _sag_scans _settings _slip_scans _step_scans",
         special={

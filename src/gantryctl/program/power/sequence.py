@@ -91,6 +91,7 @@ class PowerSequence:
         "_stood",
         "_torque_proof",
         "_turns_back",
+        "_turns_rad_s",
         "_twist",
         "_unloaded",
         "brake_open",
@@ -149,7 +150,7 @@ class PowerSequence:
         self._parking = self._unloaded = self._turns_back = False
         # A stop began behind a brake that had not been opened yet: nothing has to come to rest.
         self._stood = False
-        self._off_s = 0.0
+        self._off_s = self._turns_rad_s = 0.0
         self._count = self._enabled_scans = 0
         self._pos_rad: float | None = None
         self._load_nm = 0.0
@@ -301,6 +302,7 @@ class PowerSequence:
             self._count * self._period_s if self.phase in (PowerPhase.OFF, PowerPhase.PARKED) else 0.0
         )
         self.phase = phase
+        self._turns_rad_s = 0.0
         self._count = self._enabled_scans = 0
         self._rest.begin()
         self._ramp.begin()
@@ -327,6 +329,7 @@ class PowerSequence:
         feedback, holding = self._feedback, self.holding
         if feedback.state is not _OPERATION_ENABLED:
             self._enabled_scans = 0
+            self._turns_rad_s = 0.0 if feedback.slow or not feedback.speed_known else abs(feedback.vel_rad_s)
             if self._count > self._power_up_scans:
                 self._stuck(_OPERATION_ENABLED)
             return
@@ -341,11 +344,11 @@ class PowerSequence:
             if self._count > self._close_late_scans:
                 self._brake_still_open(Reaction.QUICK_STOP)
             return
-        # A shaft that turns as the torque comes shows that the brake does not hold the load: torque does, from here on.
-        # The proof would take that torque for a reading with the wrong sign, and let the load go.
-        if feedback.speed_known and not feedback.slow:
-            speed, off_s = deg(abs(feedback.vel_rad_s)), self._off_s + self._count * self._period_s
-            self._alarms.raise_(Code.BRK_11, measured=speed, time_s=off_s)
+        # A shaft that turned until the torque came shows that the brake does not hold the load: torque does, from here
+        # on. The proof would take that torque for a reading with the wrong sign, and let the load go.
+        if self._turns_rad_s:
+            off_s = self._off_s + self._count * self._period_s
+            self._alarms.raise_(Code.BRK_11, measured=deg(self._turns_rad_s), time_s=off_s)
             return
         self._enabled_scans += feedback.periods
         if self._enabled_scans < self._braced_scans:
