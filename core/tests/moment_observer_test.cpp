@@ -102,8 +102,8 @@ TEST(MomentObserver, learns_nothing_while_the_load_swings_out) {
 }
 
 // Limit 10 kN m. Sums of 3e-8 of the sine and the prior of 1e-8: a sine as large as the limit is two standard
-// deviations, at the limit. Where friction explains all of it but the prior, it is one; of a cosine nothing is
-// known, and of both together the half.
+// deviations, at the limit. Where friction explains all of it but the prior, it is one; of a cosine nothing
+// is known, and of both together the half.
 TEST(MomentObserver, tells_a_change_of_two_standard_deviations) {
   Params p;
   p.moment_limit_nm = 1e4;
