@@ -127,7 +127,7 @@ def report_page(tallies: Sequence[Tally], evidence: Path) -> str:
         "Written by `gantryctl faults report RESULT... --page docs/reference/fault-campaigns.md`; do not edit.",
         "",
         "How a scenario is drawn and judged: [the decision](../decisions/0027-fault-campaigns.md). All of it is",
-        "simulated: the reference gantry and, in rows of `axes`, others, with plants within 20 %; none of it is of steel.",
+        "simulated: the reference gantry and, in rows of `axes`, others, their plants within 20 %; none is of steel.",
         "",
         "## What was run",
         "",
