@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.errors import DeviceError
-from gantryctl.service.memory.events import now_ms_text
 from gantryctl.service.recorder.journal.chain import first_hash
 from gantryctl.service.recorder.journal.key import Key
 
@@ -72,7 +71,7 @@ def row_of(boot: int, source: int, number: int, record: bytes | None) -> tuple[A
 
 def own_row(kind: str, text: str, **values: Any) -> tuple[Any, ...]:
     """Make the content of an event of the journal's writer."""
-    utc = now_ms_text()
+    utc = datetime.now(UTC).isoformat(timespec="milliseconds")
     found = {"utc": utc, "monotonic_ns": time.monotonic_ns(), "kind": kind, "text": text, "values": values}
     return row_of(0, OWN, time.time_ns(), json.dumps(found).encode())
 
