@@ -85,7 +85,8 @@ def test_what_passes_bears_thirteen_tenths_of_the_check_moment(
             )  # fmt: skip
             assert moved < 0.15  # M-B: a brake that slips at rest is caught by the motor
     passed = [row["brake_nm"] for row in rows if row["result"] == "passed"]
-    failed = [row["brake_nm"] for row in rows if row["result"] == "failed"]
+    # One that bears nothing ends its test before it begins: the load moves as the drive is enabled (BRK-11).
+    failed = [row["brake_nm"] for row in rows if row["result"] in ("failed", "aborted")]
     assert len(passed) + len(failed) == len(rows)
     assert min(passed) >= needed_nm
     assert max(failed) < MACHINE.brake.test_torque_nm
