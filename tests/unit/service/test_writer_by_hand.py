@@ -14,7 +14,6 @@ from typing import Self
 import pytest
 
 from gantryctl.errors import DeviceError, UsageError
-from gantryctl.service.memory import events
 from gantryctl.service.recorder.journal import file, reading, writer
 from gantryctl.service.recorder.journal.chain import Anchor
 from gantryctl.service.recorder.journal.file import Damaged
@@ -289,7 +288,7 @@ def test_what_the_recorder_says_has_the_time_in_utc(monkeypatch: pytest.MonkeyPa
         def now(cls, tz: tzinfo | None = None) -> Self:
             return cls(2026, 1, 2, 13 if tz is None else 12, tzinfo=tz)
 
-    monkeypatch.setattr(events, "datetime", Here)
+    monkeypatch.setattr(file, "datetime", Here)
     found = dict(zip(file.FIELDS, file.own_row("service", "text"), strict=True))
     assert found["utc"] == "2026-01-02T12:00:00.000+00:00"
 
