@@ -26,6 +26,13 @@ from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context, 
 
 pytestmark = pytest.mark.can
 
+ENCODER = {
+    "inverted": False,
+    "increments_per_turn": 524_288,
+    "turns": 4096,
+    "position_around_zero": False,
+}
+
 
 def test_sync_tells_the_middle_and_the_late_answers_and_the_time_of_a_command(
     monkeypatch: pytest.MonkeyPatch,
@@ -177,13 +184,7 @@ def test_a_step_takes_the_time_of_the_axis_that_people_are_told(
     drive.process.answer_times_s, drive.process.counts = [0.001], 0
     drive.sdo.values |= {0x6041: 0x0250, 0x6064: 0}
     drive.process.statusword = 0x0250
-    encoder = {
-        "inverted": False,
-        "increments_per_turn": 524_288,
-        "turns": 4096,
-        "position_around_zero": False,
-    }
-    drive.settings = SimpleNamespace(**vars(drive.settings), **encoder)
+    drive.settings = SimpleNamespace(**vars(drive.settings), **ENCODER)
     drive.health = lambda: SimpleNamespace(scans=1000, missed=(0,), late=(0,))
     c = context()
     module = {"pdo": steps_bus, "sync": steps_bus, "sign": steps_sign}.get(key, steps_power)
@@ -206,13 +207,7 @@ def bus_drive() -> Any:
     drive: Any = HandDrive()
     drive.sdo.values |= {0x6041: 0x0250, 0x6064: 7}
     drive.process.counts, drive.process.statusword = 10, 0x0250
-    encoder = {
-        "inverted": False,
-        "increments_per_turn": 524_288,
-        "turns": 4096,
-        "position_around_zero": False,
-    }
-    drive.settings = SimpleNamespace(**vars(drive.settings), **encoder)
+    drive.settings = SimpleNamespace(**vars(drive.settings), **ENCODER)
     # Of 1,000 SYNCs; nothing was missed before the drive was watched.
     drive.health = lambda: SimpleNamespace(scans=1000, missed=(5 if drive.wrote else 0,), late=(20,))
     return drive
