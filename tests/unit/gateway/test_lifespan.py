@@ -98,15 +98,16 @@ def test_what_was_refused_and_counted_is_written_at_the_end(
     assert "2 times in" in written[1]
 
 
+@pytest.mark.parametrize(("place", "name"), [(Hub, "run"), (module, "_beat")], ids=["picture", "beat"])
 def test_a_part_that_fails_ends_the_whole(
-    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
+    place: object, name: str, tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A page that shows old states is worse than none: the supervisor starts another gateway."""
 
-    async def fails(_: Hub) -> None:
+    async def fails(_: object) -> None:
         raise RuntimeError("the picture is gone")
 
-    monkeypatch.setattr(Hub, "run", fails)
+    monkeypatch.setattr(place, name, fails)
     gateway = Gateway(tmp_path, memory, monkeypatch)
 
     async def during() -> None:
@@ -189,20 +190,3 @@ def test_the_first_page_gets_the_picture_of_now(
         assert gateway.hubs[0].fresh
 
     asyncio.run(gateway.live(during))
-
-
-def test_a_beat_that_fails_ends_the_whole(
-    tmp_path: Path, memory: SharedMemory, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def fails(_: SharedMemory) -> None:
-        raise RuntimeError("no memory")
-
-    monkeypatch.setattr(module, "_beat", fails)
-    gateway = Gateway(tmp_path, memory, monkeypatch)
-
-    async def during() -> None:
-        for _ in range(5):
-            await asyncio.sleep(0)
-
-    asyncio.run(gateway.live(during))
-    assert gateway.killed == [(os.getpid(), signal.SIGTERM)]
