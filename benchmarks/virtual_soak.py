@@ -2,9 +2,11 @@
 
     .venv/bin/python benchmarks/virtual_soak.py --hours 10000 --folder build/virtual_soak     # goes on where it ended
     .venv/bin/python benchmarks/virtual_soak.py --judge build/virtual_soak/log.jsonl     # --keep FILE: with the log
+    .venv/bin/python benchmarks/virtual_soak.py --life 300 --folder build/life     # one controller, started once
 
 Each line of the log is a day of 24 h: 16 h computed scan by scan, 8 h switched off. Same seed, same trace, whether it
-was broken off or not. The exit code is 1 when a criterion fails.
+was broken off or not. With --life there is one line, of so many hours of use without a start: its memory is that of
+one process of a service. The exit code is 1 when a criterion fails.
 """
 
 from __future__ import annotations
@@ -28,6 +30,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--hours", type=float, default=10_000.0, help="of machine time, in whole days")
+    parser.add_argument(
+        "--life", type=float, metavar="HOURS", help="one controller, in use for so many hours"
+    )
     parser.add_argument("--folder", type=Path, default=Path("build/virtual_soak"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scan-ms", type=float, default=10.0)
@@ -39,9 +44,12 @@ def main() -> int:
     asked = parser.parse_args()
     log = asked.judge
     if log is None:
-        soak = Soak(asked.folder, asked.seed, asked.scan_ms)
+        if asked.life is None:
+            soak, days = Soak(asked.folder, asked.seed, asked.scan_ms), math.ceil(asked.hours / DAY_H)
+        else:
+            soak, days = Soak(asked.folder, asked.seed, asked.scan_ms, asked.life * 3600.0, 0.0), 1
         log = soak.log
-        for line in soak.run(math.ceil(asked.hours / DAY_H)):
+        for line in soak.run(days):
             trouble = line["troubles"] or line["stuck"] or "no trouble"
             print(
                 f"day {line['day']}: {line['moves']} moves, {trouble}",

@@ -19,6 +19,7 @@ from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
 from gantryctl.units import deg
+from support.soak.verdict import Finding
 from support.virtual_soak.calendar import dated
 from support.virtual_soak.climate import (
     GEARS_S,
@@ -96,7 +97,8 @@ def test_lost_counts_are_drift(desk: Desk) -> None:
 
 def _line(day: int, **changes: Any) -> dict[str, Any]:
     line = {
-        "kind": "day", "day": day, "machine_h": 24.0 * (day + 1), "stops": {}, "warnings": {}, "troubles": [],
+        "kind": "day", "day": day, "machine_h": 24.0 * (day + 1), "on_s": 57_700.0,
+        "stops": {}, "warnings": {}, "troubles": [],
         "told": 0,
         "stuck": "",
         "drift_counts": 0.02, "memory": [(24.0 * day + 7.0 + h, 80.0) for h in range(16)], "journal_mb": 3.0,
@@ -127,6 +129,20 @@ def test_memory_that_grows_fails_and_a_short_soak_cannot_tell() -> None:
     grows = [_line(day, memory=[(24.0 * day + 7.0, 80.0 + 0.05 * day)]) for day in range(30)]
     assert {each.what for each in judge(grows) if each.passed is False} == {"memory"}
     assert [each.what for each in judge(grows[:5]) if each.passed is None] == ["memory"]
+
+
+def test_memory_of_one_controller_is_judged_hour_by_hour_once_it_is_warm() -> None:
+    """9 free tuples of 18 in an hour (1.7 kB) until 220 h of use are its warm-up; 2 kB an hour behind that are 2 MB."""
+
+    def memory_of(hours: int, grows_mb_h: float) -> Finding:
+        memory = [(7.0 + h, 40.0 + 0.0017 * min(h, 220) + grows_mb_h * max(0, h - 220)) for h in range(hours)]
+        return next(
+            each for each in judge([_line(0, memory=memory, on_s=hours * 3600.0)]) if each.what == "memory"
+        )
+
+    assert memory_of(300, 0.0005).passed is True
+    assert memory_of(300, 0.002).passed is False
+    assert memory_of(260, 0.0).passed is None
 
 
 def test_a_drifting_machine_stays_a_sound_one() -> None:

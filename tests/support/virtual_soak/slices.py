@@ -41,10 +41,18 @@ class Soak:
 
     Args:
         seed: of everything that is drawn. scan_ms: scan period. used_s: use in a day, for a test that is short.
+        restarts_a_day: how often the controller is restarted in the middle of a day, on average; at most 1.
     """
 
-    def __init__(self, folder: Path, seed: int, scan_ms: float, used_s: float = USED_S) -> None:
-        self.folder, self.seed, self._used_s = folder, seed, used_s
+    def __init__(
+        self,
+        folder: Path,
+        seed: int,
+        scan_ms: float,
+        used_s: float = USED_S,
+        restarts_a_day: float = RESTARTS_A_DAY,
+    ) -> None:
+        self.folder, self.seed, self._used_s, self._restarts_a_day = folder, seed, used_s, restarts_a_day
         self._nominal = with_values(default_machine(), {"control.scan_period_ms": scan_ms})
         self.log = folder / "log.jsonl"
         self.head = {"kind": "soak", "seed": seed, "scan_ms": scan_ms, "used_h": used_s / 3600.0}
@@ -99,7 +107,7 @@ class Soak:
         off_s = DAY_S - self._used_s if number else OPENS_S
         temperatures = self._temperatures.after(off_s, at_rest(opens_s))
         begin_s, end_s = opens_s, opens_s + self._used_s
-        restarts = sorted(rng.uniform(0.1, 0.9) for _ in range(rng.random() < RESTARTS_A_DAY))
+        restarts = sorted(rng.uniform(0.1, 0.9) for _ in range(rng.random() < self._restarts_a_day))
         stuck = ""
         with patch.dict(os.environ, {KEYS_VARIABLE: str((self._work / "keys").resolve())}):
             for part, until in enumerate((*(begin_s + share * self._used_s for share in restarts), end_s)):
@@ -117,7 +125,8 @@ class Soak:
         found = asdict(counts)
         return {
             "kind": "day", "day": number, "date": f"{date_at(number * DAY_S):%Y-%m-%d}",
-            "machine_h": (number + 1) * DAY_S / 3600.0,
+            # A controller that is not switched off may be in use for longer than a day.
+            "machine_h": max((number + 1) * DAY_S, opens_s + self._used_s) / 3600.0,
             **{name: round(value, 6) if isinstance(value, float) else value for name, value in found.items()},
             "stuck": stuck,
             "gears_k": temperatures.gears_k, "motor_k": temperatures.motor_k,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from support.soak.verdict import Finding, slope_of
+from support.virtual_soak.climate import DAY_S
 from support.virtual_soak.desk import POLICY
 
 SLOPE_MAX_MB: Final = 1.0
@@ -14,6 +15,10 @@ SLOPE_MAX_MB: Final = 1.0
 WARM_UP_DAYS: Final = 1
 """Caches and pools fill: not judged."""
 _DAYS_LEAST: Final = 10
+LIFE_WARM_UP_H: Final = 220.0
+"""Of a controller without a start: until the lists of free tuples of CPython 3.11 are full (2,000 of a length, the last
+by 9 an hour), those of 1,000 leases (5 an hour) and SQLite's cache of pages (2 MB, 45 h)."""
+_LIFE_JUDGED_LEAST_H: Final = 48.0
 DRIFT_MAX_COUNTS: Final = 0.5
 """Half a count of the absolute encoder: rounded, none. Errors within a signal period and a turn are below 0.2."""
 # The database keeps the room of what was taken out, and the newest thousand events; its log is settled every second.
@@ -58,6 +63,8 @@ def _drift(days: Sequence[dict[str, Any]]) -> Finding:
 
 
 def _memory(days: Sequence[dict[str, Any]]) -> Finding:
+    if len(days) == 1 and days[0]["on_s"] > DAY_S:
+        return _memory_of_a_life(days[0])
     # The least of each day, at its beginning: SQLite's cache of pages grows to 2 MB, and ends with the controller.
     least = [
         (line["machine_h"], min(mb for _, mb in line["memory"]))
@@ -71,7 +78,21 @@ def _memory(days: Sequence[dict[str, Any]]) -> Finding:
             None,
             f"{len(least)} days after the first {WARM_UP_DAYS}, {_DAYS_LEAST} wanted: {told} MB",
         )
-    slope = slope_of([hour * 3600.0 for hour, _ in least], [mb for _, mb in least])
+    return _slope(least)
+
+
+def _memory_of_a_life(life: dict[str, Any]) -> Finding:
+    """Of one controller that was started once, hour by hour: nothing is taken out of one process by a new one."""
+    first_h = life["memory"][0][0]
+    settled = [(hour, mb) for hour, mb in life["memory"] if hour - first_h >= LIFE_WARM_UP_H]
+    if len(settled) < _LIFE_JUDGED_LEAST_H:
+        told = f"{len(settled)} hours after the first {LIFE_WARM_UP_H:.0f}, {_LIFE_JUDGED_LEAST_H:.0f} wanted"
+        return Finding("memory", None, told)
+    return _slope(settled)
+
+
+def _slope(memory: Sequence[tuple[float, float]]) -> Finding:
+    slope = slope_of([hour * 3600.0 for hour, _ in memory], [mb for _, mb in memory])
     value, low, high = (1e3 * part for part in slope)
     words = f"{value:+.3f} MB in 1,000 h, 95 % between {low:+.3f} and {high:+.3f}"
     # Too short a soak cannot tell a slope from the steps of an allocator: its interval is wide.
