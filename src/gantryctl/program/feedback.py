@@ -68,11 +68,15 @@ _BRAKE_DEC_SHARE: Final = 0.5
 # stops (150 of them over the bus; 16 and 50 kN m, plants within 20 %, up to 6 deg/s, on ramps, in cruise and in quick
 # stops, 1, 4 and 10 ms) took at most 39 % of the limit. A change of less than 0.2 deg/s in a scan is not looked at.
 _SWINGS_SHARE: Final = 0.4
-# A twisted gear turns the shaft for so long after the torque has gone.
+# A twisted gear turns the shaft for so long after the torque has gone: none of 252 sound quick stops whose torque
+# fell to 2 to 90 % is doubted (12 without this, all at 10 ms). Its price, of 1,300 spoilt encoders and drives that
+# turn the other way (1, 4 and 10 ms, 0 to 40 ms after the fall and in sound stops): 10 such drives at a sound encoder
+# are stopped by another alarm, 10 to 60 ms later and 0.29 to 0.32 deg further.
 _UNTWISTS_S: Final = 0.030
 
 _LATE_SCANS: Final = 5
-# Steps of the position that are compared with each other when it begins to stand.
+# Steps of the position that are compared with each other when it begins to stand. 108 sound stops by brakes of 30 to
+# 100 % with the speed lost (0.6 to 6 deg/s, 50 kN m, 1, 4 and 10 ms) raised nothing.
 _STEPS: Final = 2
 
 

