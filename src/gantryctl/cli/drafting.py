@@ -197,6 +197,7 @@ def report(
                 "guesses": found,
                 "gears": None if gears is None else _gears_data(gears),
                 "brake_overload": None if overload is None else overload._asdict(),
+                "soft_loop": None if made.soft_loop is None else made.soft_loop._asdict(),
             }
         )
         return
@@ -207,6 +208,8 @@ def report(
         click.echo(f"\n{'' if gears.kept else 'open: '}{gears.text}")
     if overload is not None:
         click.echo(f"\nopen: {overload.text}")
+    if made.soft_loop is not None:
+        click.echo(f"\nopen: {made.soft_loop.text}")
     click.echo(f"\nnext: gantryctl config check {written[-1]}")
 
 

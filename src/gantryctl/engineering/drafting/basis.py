@@ -80,6 +80,16 @@ class Basis:
         return self.sheet.motion.acc_deg_s2 * self.sheet.structure.first_mode_hz
 
     @property
+    def release_dec_deg_s2(self) -> float:
+        """A jog key that is let go stops between the gentle and the hard way: their geometric mean."""
+        return math.sqrt(self.sheet.motion.acc_deg_s2 * self.quick_dec_deg_s2)
+
+    @property
+    def release_jerk_deg_s3(self) -> float:
+        """Jerk that reaches this deceleration in 0.1 s."""
+        return 10.0 * self.release_dec_deg_s2
+
+    @property
     def mode_rad_s(self) -> float:
         """First mode of the load with the motor held."""
         return 2.0 * math.pi * self.sheet.structure.first_mode_hz

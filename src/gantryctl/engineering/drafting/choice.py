@@ -19,7 +19,7 @@ _NEAREST: Final = 3
 
 
 def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
-    """Draft a machine with the motor of the smallest rated power that does it.
+    """Draft a machine with the motor of the smallest rated power that does it, by its loop as well if there is one.
 
     Args:
         sheet: what the axis must do. motors: to choose from. name: of the machine.
@@ -30,6 +30,7 @@ def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
     """
     unfit: list[Fit] = []
     refused: list[str] = []
+    soft: Draft | None = None
     for motor in sorted(motors, key=lambda motor: (motor.motor.power_rated_kw, motor.name)):
         fitted = fit(sheet, motor)
         if not fitted.fits:
@@ -42,7 +43,11 @@ def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
             # The first says it: what a rule refuses with one motor it refuses with most.
             refused = refused or [f"{motor.name}: {problem}" for problem in wrong.problems]
             continue
-        return made
+        if made.soft_loop is None:
+            return made
+        soft = soft or made
+    if soft is not None:
+        return soft
     raise ConfigError(refused or _nearest(sheet, unfit))
 
 

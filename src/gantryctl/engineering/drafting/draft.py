@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl.engineering.drafting.basis import Basis
 from gantryctl.engineering.drafting.gains import DraftGains, first_gains, settled_gains
-from gantryctl.engineering.drafting.loops import loop_values
+from gantryctl.engineering.drafting.loops import SoftLoop, loop_values, soft_loop
 from gantryctl.engineering.drafting.motion import motion_values
 from gantryctl.engineering.drafting.origin import Values, chosen, computed, guessed, guesses, significant
 from gantryctl.engineering.drafting.plant import plant_values
@@ -42,11 +42,13 @@ class Draft:
 
     Attributes:
         values: every key outside of [can], by dotted path in the order of the file.
+        soft_loop: what this motor cannot do for the axis by its loop; None where it can.
     """
 
     name: str
     fit: Fit
     values: Values
+    soft_loop: SoftLoop | None
 
     @property
     def guesses(self) -> tuple[str, ...]:
@@ -105,7 +107,8 @@ def _assembled(basis: Basis, name: str, gains: DraftGains) -> Draft:
         if path not in ruled and path.startswith(_PRODUCT) and spec.usual is not None
     }
     values = {path: (ruled | product)[path] for path in specs if path in ruled or path in product}
-    return Draft(name, basis.fit, values | {"machine.guesses": chosen(guesses(values))})
+    values |= {"machine.guesses": chosen(guesses(values))}
+    return Draft(name, basis.fit, values, soft_loop(basis, gains))
 
 
 def _identity(basis: Basis, name: str) -> Values:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import Final, NamedTuple
 
 from gantryctl.engineering.drafting.basis import Basis
 from gantryctl.engineering.drafting.gains import DraftGains
@@ -11,15 +12,86 @@ from gantryctl.units import deg, rad
 
 _SCAN_MS: Final = 1.0
 # Part of the required angle that belongs to a window, and reserve over what the loop does by itself.
-_BAND, _STANDSTILL, _ARRIVED = 0.3, 0.2, 0.05
+_BAND, _STANDSTILL, _ARRIVED, _ARRIVED_MOST = 0.3, 0.2, 0.05, 0.3
 _RESERVE: Final = 3.0
+# s in which an axis is expected in its window, and which are late; reserve for more friction than drafted.
+_ARRIVES_S: Final = 3.0
+_LATE_S: Final = 10.0
+_ARRIVAL_RESERVE: Final = 1.5
 
 
 def following_error_deg(basis: Basis, gains: DraftGains) -> float:
-    """Largest error of a sound loop at the axis: friction that turns round, and the jerk of a move (eq. (5))."""
-    friction = basis.reversal_torque_nm * gains.tvi_s / gains.kvp_nm_s_per_rad / basis.ratio
-    jerk = basis.train.inertia_kg_m2 * gains.tvi_s * rad(basis.jerk_deg_s3)
-    return deg(friction + jerk / (gains.kpp_per_s * gains.kvp_nm_s_per_rad))
+    """Largest error of a sound loop at the axis, eq. (5).
+
+    Friction that turns round, and the jerk of a move or of a jog key that is let go.
+    """
+    jerk_deg_s3 = max(basis.jerk_deg_s3, basis.release_jerk_deg_s3)
+    jerk = basis.train.inertia_kg_m2 * gains.tvi_s * rad(jerk_deg_s3)
+    return _friction_deg(basis, gains) + deg(jerk / (gains.kpp_per_s * gains.kvp_nm_s_per_rad))
+
+
+def _friction_deg(basis: Basis, gains: DraftGains) -> float:
+    return deg(basis.reversal_torque_nm * gains.tvi_s / gains.kvp_nm_s_per_rad / basis.ratio)
+
+
+class Arrival(NamedTuple):
+    """When a sound axis of a draft counts as arrived.
+
+    Attributes:
+        window_deg: distance that counts as arrived. after_s: until then it is there, behind the end of a motion.
+    """
+
+    window_deg: float
+    after_s: float
+
+
+def arrival(basis: Basis, gains: DraftGains) -> Arrival:
+    """Window and time that friction of the motor leaves a P loop over a PI loop.
+
+    Behind a motion the error decays by exp(-Kpp t). An error e of a motor that stands asks the speed loop for Kpp e i,
+    by which its torque grows with Kvp Kpp e i / Tvi; until that has turned the friction round, nothing moves.
+    """
+    least = max(_ARRIVED * basis.required.angle_deg, 3.0 * basis.step_deg)
+    stands = _ARRIVAL_RESERVE * _friction_deg(basis, gains) / gains.kpp_per_s
+    window = min(0.2, max(least, min(_ARRIVED_MOST * basis.required.angle_deg, stands / _ARRIVES_S)))
+    decays = math.log(max(1.0, following_error_deg(basis, gains) / window)) / gains.kpp_per_s
+    usual = max(_ARRIVES_S, 6.0 / basis.sheet.structure.first_mode_hz, 10.0 * gains.tvi_s)
+    return Arrival(window, max(usual, _ARRIVAL_RESERVE * decays + stands / window))
+
+
+class SoftLoop(NamedTuple):
+    """A loop that is too soft for its axis: a small motor or a coarse encoder before much inertia or friction.
+
+    Attributes:
+        following_error_deg: of a sound axis. band_deg: most that a monitor may permit it, by the room of the stops.
+        window_deg: distance that counts as arrived. arrives_s: behind the end of a motion.
+    """
+
+    following_error_deg: float
+    band_deg: float
+    window_deg: float
+    arrives_s: float
+
+    @property
+    def text(self) -> str:
+        """One sentence, with what would help."""
+        return (
+            f"a sound axis follows with up to {self.following_error_deg:.2g} deg (band {self.band_deg:.2g} deg), and "
+            f"is within {self.window_deg:.2g} deg of its target {self.arrives_s:.0f} s behind a motion: a larger "
+            "motor, a finer encoder, a larger ratio, less friction or less jerk"
+        )
+
+
+def soft_loop(basis: Basis, gains: DraftGains) -> SoftLoop | None:
+    """Whether the loop does not keep its own band, or comes late to its window; None where it does both."""
+    error, there, band = following_error_deg(basis, gains), arrival(basis, gains), _band_most_deg(basis)
+    if _RESERVE * error <= band and there.after_s <= max(_LATE_S, 6.0 / basis.sheet.structure.first_mode_hz):
+        return None
+    return SoftLoop(error, band, there.window_deg, there.after_s)
+
+
+def _band_most_deg(basis: Basis) -> float:
+    return min(1.0, 0.1 * basis.room_deg)
 
 
 def loop_values(basis: Basis, gains: DraftGains) -> Values:
@@ -91,13 +163,15 @@ def _compensation(basis: Basis) -> Values:
 
 
 def _monitors(basis: Basis, gains: DraftGains) -> Values:
-    required, v, step = basis.required.angle_deg, basis.speed_deg_s, basis.step_deg
+    required, v = basis.required.angle_deg, basis.speed_deg_s
     error = _RESERVE * following_error_deg(basis, gains)
     reaches_ms = 1e3 * basis.required.stopping_angle_deg / v
-    arrived = max(_ARRIVED * required, 3.0 * step)
+    arrived = arrival(basis, gains)
 
     def window(part: float) -> float:
-        return significant(min(1.0, 0.1 * basis.room_deg, max(part * required, error, 1.5 * arrived)))
+        return significant(
+            min(1.0, 0.1 * basis.room_deg, max(part * required, error, 1.5 * arrived.window_deg))
+        )
 
     def within(usual_ms: float) -> Drafted:
         value = min(usual_ms, significant(0.8 * reaches_ms, 2))
@@ -113,11 +187,12 @@ def _monitors(basis: Basis, gains: DraftGains) -> Values:
             window(_STANDSTILL), "0.2 x required angle, or 3 x what friction makes"
         ),
         "monitors.in_position_window_deg": computed(
-            significant(min(0.2, arrived)), "0.05 x required angle, or 3 steps of the encoder"
+            significant(arrived.window_deg),
+            "0.05 to 0.3 x required angle by friction, or 3 steps of the encoder",
         ),
         "monitors.in_position_tolerance_time_s": computed(
-            significant(max(3.0, 6.0 / basis.sheet.structure.first_mode_hz, 10.0 * gains.tvi_s)),
-            "6 swings, 3 s at least",
+            significant(min(100.0, arrived.after_s)),
+            "6 swings, 3 s at least; 1.5 x decay of the error and friction",
         ),
         "monitors.torque_saturation_time_ms": within(200.0),
         "monitors.brake_feedback_time_ms": within(300.0),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from gantryctl.engineering.drafting.basis import Basis
@@ -87,8 +86,6 @@ def _speed(basis: Basis) -> Values:
 
 def _set_point(basis: Basis) -> Values:
     acc, quick = basis.sheet.motion.acc_deg_s2, basis.quick_dec_deg_s2
-    # A jog key that is let go stops between the gentle and the hard way: their geometric mean.
-    release = math.sqrt(acc * quick)
     profile: Value = "jerk_limited"
     return {
         "virtual_axis.profile": Drafted(profile, Origin.CHOICE, "a step of the acceleration swings the load"),
@@ -101,9 +98,11 @@ def _set_point(basis: Basis) -> Values:
             significant(0.1 * basis.jerk_deg_s3), "gentle end over in three periods of the first mode"
         ),
         "virtual_axis.jog_release_dec_deg_s2": computed(
-            significant(release), "sqrt(acceleration x quick stop)"
+            significant(basis.release_dec_deg_s2), "sqrt(acceleration x quick stop)"
         ),
-        "virtual_axis.jog_release_jerk_deg_s3": computed(significant(10.0 * release), "reached in 0.1 s"),
+        "virtual_axis.jog_release_jerk_deg_s3": computed(
+            significant(basis.release_jerk_deg_s3), "reached in 0.1 s"
+        ),
         "virtual_axis.quick_dec_deg_s2": computed(
             significant(quick), "1.1 x v^2 / 2 (stopping angle - 60 ms x v), 1.5 x acceleration at least"
         ),

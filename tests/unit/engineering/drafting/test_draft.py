@@ -155,6 +155,40 @@ def test_a_motor_that_does_not_fit_gives_no_draft(made):
         draft(fit(sheet, small), "x")
 
 
+# 160 kg m2 that turn 3 m/s at the rim: the motor of 200 W has the torque for it, and 65 times less inertia.
+HEAVY_TABLE = {
+    "acc_time_s": 5.421, "first_mode_hz": 38.52, "inertia_kg_m2": 157.6, "speed_max_r_min": 4.741,
+    "stopping_angle_deg": 12.62, "unbalance_nm": 5.088,
+}  # fmt: skip
+
+
+def test_a_motor_with_enough_torque_and_too_soft_a_loop_is_passed_over():
+    """The next one is taken; where there is none the draft says what its loop cannot do.
+
+    By hand, of the small one: 0.181 N m of friction that turns round at 0.0334 N m s/rad and 0.04 s is 0.217 rad of the
+    motor, 0.0667 deg of the axis behind 186:1. With 0.203 /s an error of 0.009 deg, 0.3 of what is required, takes
+    0.0667 / (0.203 x 0.009) = 36.5 s until the motor turns; 55 with the reserve of a half.
+    """
+    values = sheet_values(Answered.of(load_template("rotary_table"), HEAVY_TABLE), "heavy")
+    sheet = drafted_sheet(values, "heavy")
+    made = draft_with(sheet, load_motors(delivered_motors()), "heavy")
+    assert made.soft_loop is None
+    assert made.fit.motor.name == "pm_400w_3000"
+    assert made.machine().monitors.in_position_tolerance_time_s < 10.0
+    (small,) = load_motors([configs_folder() / "motors" / "pm_200w_3000.toml"])
+    alone = draft_with(sheet, [small], "heavy")
+    soft = alone.soft_loop
+    assert soft is not None
+    assert soft.window_deg == pytest.approx(0.009)
+    assert 1.5 * 36.5 < soft.arrives_s < 4.0 * 36.5
+    assert soft.following_error_deg > soft.band_deg
+    monitors = alone.machine().monitors
+    assert monitors.in_position_window_deg == pytest.approx(soft.window_deg)
+    # the most that a machine file permits
+    assert monitors.in_position_tolerance_time_s == 100.0
+    assert " is within 0.009 deg of its target 103 s behind a motion: " in soft.text
+
+
 @pytest.mark.parametrize("first_mode_hz", [30.0, 60.0, 150.0])
 def test_a_stiff_small_table_is_simulated_with_a_step_that_follows_it(first_mode_hz):
     """A brake stop loads the hysteresis most: with 125 us and one evaluation it swings up from 50 Hz on."""
