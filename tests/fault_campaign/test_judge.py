@@ -8,7 +8,7 @@ import pytest
 
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.nodes.io_node import IoNode
-from gantryctl.engineering.fault_campaign.draw import pair_scenario
+from gantryctl.engineering.fault_campaign.draw import axis_scenario, pair_scenario
 from gantryctl.engineering.fault_campaign.judging.effects import may_come_first
 from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
@@ -16,11 +16,13 @@ from gantryctl.engineering.fault_campaign.scenario import Action, PlannedFault, 
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.image import OutputImage
+from gantryctl.machine import Machine
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.load_side import Command, LoadSide
 from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
@@ -32,6 +34,7 @@ from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import rad
+from gantryctl.wiring import simulator
 from support.fault_liars import LIARS
 
 pytestmark = pytest.mark.can
@@ -127,6 +130,70 @@ def test_a_bug_is_found_where_the_judge_has_learned(
     assert play(scene).ok
     plant(monkeypatch)
     assert invariant in {each.invariant for each in play(scene).violations}
+
+
+def _drive_with(patch: pytest.MonkeyPatch, name: str, share: float) -> None:
+    """Its own value is another one than that of the machine file."""
+    true = simulator.drive_params
+
+    def other(machine: Machine) -> object:
+        params = true(machine)
+        setattr(params, name, share * getattr(params, name))
+        return params
+
+    patch.setattr(simulator, "drive_params", other)
+
+
+@pytest.mark.parametrize(
+    ("number", "until_s", "plant", "invariant"),
+    [
+        # The permitted way of a slow axis goes to its own rest: a ramp that is a tenth softer is beyond it.
+        pytest.param(
+            2218, 8.9, lambda patch: _drive_with(patch, "quick_dec_rad_s2", 0.9), "INV-1", id="softer ramp"
+        ),
+        # Without torque the load carries the motor on, no further than its brake lets it.
+        pytest.param(
+            1400, 12.0, lambda patch: _drive_with(patch, "brake_close_s", 1.4), "INV-1", id="late brake"
+        ),
+        # A brake without torque lets the gear turn back, and then the load must be caught.
+        pytest.param(
+            3210,
+            24.1,
+            lambda patch: _without_words(patch, *(code for code in Code if code.startswith("BRK-"))),
+            "INV-2",
+            id="load not caught",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_bug_is_found_where_the_judge_has_learned_of_other_axes(
+    number: int, until_s: float, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = axis_scenario(1, number, None)
+    deeds = (*(each for each in drawn.actions if each.at_s < until_s), Action(at_s=until_s, do="power_off"))
+    scene = drawn.model_copy(update={"actions": deeds, "duration_s": until_s + 1.5})
+    assert play(scene).ok
+    plant(monkeypatch)
+    assert invariant in {each.invariant for each in play(scene).violations}
+
+
+@pytest.mark.parametrize(("key_s", "found"), [(7.2, False), (8.8, True)])
+def test_a_move_that_comes_late_into_its_window_ends_there(
+    key_s: float, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rotary table of axes 3113 comes into it at 6.95 s, 2.1 s behind its ramp; 1.5 s later a key is taken."""
+    deeds = (
+        Action(at_s=0.2, do="power"),
+        Action(at_s=3.4, do="move", target_deg=-114.936581, speed_deg_s=6.187),
+        Action(at_s=key_s, do="jog", speed_deg_s=18.561, for_s=0.2),
+    )
+    drawn = axis_scenario(1, 3113, None)
+    scene = drawn.model_copy(
+        update={"angle_deg": -119.324, "actions": deeds, "faults": (), "duration_s": key_s + 0.3}
+    )
+    assert play(scene).ok
+    monkeypatch.setattr(MotionCommands, "progress", lambda _: None)
+    assert any("has not ended" in each.text for each in play(scene).violations) is found
 
 
 def _lost_telegrams_end_a_hold(patch: pytest.MonkeyPatch) -> None:

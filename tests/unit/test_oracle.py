@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from gantryctl.engineering.faults.oracle import limits
-from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle
+from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
@@ -156,6 +158,23 @@ def test_a_stop_that_goes_on_without_the_controller_has_its_true_times() -> None
     assert list(judge_words(stop.alarm, stop, axis)) == []
     stop.alarm.steps = (Words.BRAKE_CLOSED_AFTER(time_ms=100.0),)
     assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 100 ms is told, true 200 ms"]
+
+
+@pytest.mark.parametrize(
+    ("brake_share", "speed_deg_s", "passes"), [(0.0, 0.76, True), (0.0, 0.80, False), (1.0, 0.45, False)]
+)
+def test_a_gear_that_turns_back_gives_the_rotor_so_much_speed_and_no_more(
+    brake_share: float, speed_deg_s: float, passes: bool
+) -> None:
+    """0.44 deg/s are 1.1 of the highest speed; 65 N m have gone, of which 0.005 deg/s each come back: 0.765 deg/s."""
+    found: list[Violation] = []
+    axis = AxisOracle(found.append, replace(limits.REFERENCE, untwists_deg_s_per_nm=0.005))
+    axis.bound, axis._speed_max, axis._rest, axis._sag = True, 0.44, 0.05, math.inf
+    axis.known.brake_share = brake_share
+    axis.begin(0.0, brake_open=False, energised=True)
+    axis.sample(0.0, 0.0, -65.0, brake_open=False, energised=True)
+    axis.sample(0.0, speed_deg_s, 0.0, brake_open=False, energised=False)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-3"])
 
 
 @pytest.mark.can

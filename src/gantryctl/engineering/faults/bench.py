@@ -218,6 +218,11 @@ class FaultBench:
         return self._truth()[3] * self._per_rad
 
     @property
+    def vel_load_deg_s(self) -> float:
+        """True speed of the load."""
+        return deg(self._truth()[1])
+
+    @property
     def enabled(self) -> bool:
         """The drive is truly enabled."""
         device = self.device

@@ -10,7 +10,7 @@ from gantryctl.engineering.report.text import TextTable
 from gantryctl.engineering.stops.certify import QuickStops
 from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.measured import MeasuredStops
-from gantryctl.engineering.stops.run import StopRow
+from gantryctl.engineering.stops.run import StopRow, at_rest_deg_s
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.uncertain import bands
 from gantryctl.machine import Machine, required_stopping_angle
@@ -19,8 +19,8 @@ from gantryctl.machine.rules.reaction import REACTION_S
 
 _NOTE = """All figures of the table are {origin}, on the full plant of the machine file; {measured}.
 Worst of four stops each (at {at} deg, both directions), with an eccentric moment of {moment:g} kN m.
-Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging, and is calm when the envelope
-of its swing is below that. kJ: what motor and brake lining take; friction takes the rest.
+Angle and time: until the motor stands (below {rest:.2g} deg/s); the load goes on swinging, and is calm when the
+envelope of its swing is below 0.05 deg/s. kJ: what motor and brake lining take; friction takes the rest.
 + {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
 Required by {source}.
 Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards."""
@@ -119,6 +119,7 @@ def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
         origin=Origin.SIMULATED,
         measured=_measured(measured),
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,
+        rest=at_rest_deg_s(machine),
         reaction=REACTION_S * 1e3,
         permitted=required.limit,
         source=required.origin,

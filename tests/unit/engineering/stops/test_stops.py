@@ -18,7 +18,7 @@ from gantryctl.engineering.stops.run import StopCase, within_ratings, worst_of, 
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.text import key_lines, watch_lines
 from gantryctl.errors import ConfigError
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.machine.rules.reaction import REACTION_S
 
 MACHINE = default_machine()
@@ -96,6 +96,13 @@ def test_the_quick_stop_of_the_reference_machine_is_about_3_3_deg_from_full_spee
     assert stop.angle_deg + TOP * REACTION_S < MACHINE.required.stopping_angle_deg
     assert within_ratings(MACHINE, stop)
     assert stop.brake_energy_kj == 0.0
+
+
+def test_a_slow_axis_is_at_rest_below_a_120th_of_its_highest_speed() -> None:
+    """2 deg/s at the most: of 0.06 deg/s it takes v^2 / 2a to 0.017, and not to 0.05, 4 % less by friction."""
+    dish = load_machine(configs_folder() / "azimuth_dish.toml")
+    stop = worst_stop(dish, StopClass.QUICK, 0.06)
+    assert stop.angle_deg == pytest.approx(0.06**2 / (2.0 * dish.virtual_axis.quick_dec_deg_s2), rel=0.08)
 
 
 def test_a_brake_stop_is_shorter_and_above_the_ratings_of_the_reducer() -> None:

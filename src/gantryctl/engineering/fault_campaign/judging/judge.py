@@ -16,7 +16,7 @@ from gantryctl.engineering.fault_campaign.judging.effects import (
     shows_no_motion,
     wrong_sign,
 )
-from gantryctl.engineering.fault_campaign.judging.ways import Way, begins
+from gantryctl.engineering.fault_campaign.judging.ways import Way, begins, carried_deg_s
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.bench import FaultBench
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
@@ -82,14 +82,15 @@ class Judge:
         self._cases.append(fault.case)
         bench = self._bench
         angle, speed = bench.pos_deg, bench.vel_deg_s
+        carried = carried_deg_s(fault, speed, bench.vel_load_deg_s)
         if self._way is not None:
             # What the next fault permits hides nothing of the way until now.
             self._within_limit(self._way)
-            self._way.also(fault, abs(speed))
+            self._way.also(fault, carried)
         elif bench.axis.alarms.first_out is None:
             wire = bench.engine.output.vel_cmd_rad_s / self._deg
             if begins(fault, bench.machine, speed, wire):
-                fastest = max(abs(speed), abs(wire))
+                fastest = max(carried, abs(wire))
                 self._way = Way(
                     self._scenario, bench.machine, before, fault, bench.time_s, angle, fastest
                 )  # fmt: skip

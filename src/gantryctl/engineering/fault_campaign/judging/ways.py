@@ -47,6 +47,7 @@ _LASTS_S: Final = 0.5
 _GRID_DEG_S: Final = (0.01, 0.6, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 _LONGEST_S: Final = 4.0
 _UNBOUNDED: Final = frozenset({"B3", "B7", "C2", "C3", "C4", "D3"})
+_TORQUE_OFF: Final = frozenset({ReactionClass.TORQUE_OFF, ReactionClass.FEEDBACK})
 _WITHOUT_TORQUE: Final = frozenset({"B8", "C7", "D7", "D13"})
 
 
@@ -201,3 +202,13 @@ def begins(fault: PlannedFault, machine: Machine, speed_deg_s: float, wire_deg_s
     lasts = fault.for_s is None or fault.for_s >= _LASTS_S
     least_deg_s = machine.speed.setting_max_deg_s / _LEAST_PART
     return seen_in_motion(fault.case) and lasts and min(abs(speed_deg_s), abs(wire_deg_s)) >= least_deg_s
+
+
+def carried_deg_s(fault: PlannedFault, motor_deg_s: float, load_deg_s: float) -> float:
+    """Speed from which a stop begins: without torque the load carries the motor on.
+
+    Where the drive slows a load that its gear is twisted by, the load is the faster of both (seed 1400 of other axes:
+    0.83 deg/s, the motor 0.71).
+    """
+    motor = abs(motor_deg_s)
+    return max(motor, abs(load_deg_s)) if fault.case.reaction in _TORQUE_OFF else motor

@@ -53,9 +53,9 @@ class AxisOracle:
     or for HOLD.
     **INV-3, envelope.** The motor side stays within over-travel (or where it began; a modulo axis has no ends) and
     outside of every no-go sector, unless it stands in one and leaves; a stop of a fault ends at most 4.5 deg further.
-    It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback, and what the load of
-    another axis adds until its brake must have closed); the speed command changes no faster than the steepest ramp in
-    force, and the correction that the position loop may add; a step from rest ends within the way of a dither.
+    It stays within 1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback, and what load and twisted
+    gear of another axis add until its brake must have closed); the speed command changes no faster than the steepest
+    ramp in force, and the correction that the position loop may add; a step from rest ends within the way of a dither.
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
@@ -112,6 +112,7 @@ class AxisOracle:
         "_stop",
         "_told",
         "_torque_max",
+        "_twisted_nm",
         "_vel_max",
         "_wire",
         "angle",
@@ -162,6 +163,8 @@ class AxisOracle:
         self._sag = self._high = self._speed_max = self._rest = math.inf
         self._low = -math.inf
         self._in_sector = False
+        # Torque with which the drive held the gear twisted until it went off.
+        self._twisted_nm = 0.0
         self._vel_max = self._torque_max = math.inf
 
     # --- who commands -------------------------------------------------------------------------------------------
@@ -346,6 +349,8 @@ class AxisOracle:
     def sample(self, angle: float, speed: float, torque: float, brake_open: bool, energised: bool) -> None:
         """Judge one millisecond: true motor angle rad and speed rad/s, torque N m, brake, torque on."""
         self.ms = now = self.ms + 1
+        if self.energised and not energised:
+            self._twisted_nm = abs(self.torque)
         before, self.angle, self.speed, self.torque = self.angle, angle, speed, torque
         if not self.bound:
             self.energised, self.brake_open = energised, brake_open
@@ -416,6 +421,8 @@ class AxisOracle:
         acc_deg_s2 = self.bounds.unheld_acc_deg_s2
         acc_deg_s2 += known.largest_load(self.angle, self.angle) * limits.BRAKE_ACC_DEG_S2
         limit += acc_deg_s2 * self._deg * 1e-3 * min(load.driven_ms, load.unheld_max_ms)
+        if not self.energised and (self.brake_open or known.brake_share < 1.0):
+            limit += self._twisted_nm * self.bounds.untwists_deg_s_per_nm * self._deg
         if not -limit <= self.speed <= limit:
             self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
         low, high = self._low, self._high
