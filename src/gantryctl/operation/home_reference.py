@@ -152,8 +152,9 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
     # In this order: without a zero or with another encoder the numbers below mean nothing. What cannot be proven is
     # not valid: an ambiguity is no proof.
     angle, moved = reading.angle_deg, reading.moved_deg
-    if retained is None or angle is None:
+    if angle is None:
         return RestVerdict.NO_ZERO
+    assert retained is not None  # the angle is counted from its zero
     if retained.encoder_serial != scale.identity.encoder_serial:
         return RestVerdict.OTHER_ENCODER
     if scale.axis_turn_counts is None:

@@ -143,14 +143,12 @@ def bus_reasons(
     proof = load_silent_master_proof(silent_master_proof_path(store.directory, machine))
     # A relay outside of the drive does not change with a boot-up of the drive.
     watches = any(row.proof == SILENCE_STEP for row in rows)
-    why = (
-        why_not_commissioned(machine, record, health, rows),
-        why_silence_not_proven(proof, health) if watches else None,
+    found_by_code = (
+        (Code.CFG_CAN_02, why_not_commissioned(machine, record, health, rows)),
+        (Code.CFG_CAN_03, why_silence_not_proven(proof, health) if watches else None),
     )
     return tuple(
-        Reason(code, {"why": words}, ClearedBy.COMMISSIONING)
-        for code, words in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), why, strict=True)
-        if words
+        Reason(code, {"why": words}, ClearedBy.COMMISSIONING) for code, words in found_by_code if words
     )
 
 

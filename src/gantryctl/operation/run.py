@@ -196,8 +196,8 @@ class AxisRun:
         axis = self.axis
         if axis.alarms.first_out is not None:
             return True
-        refused = axis.refusal
-        return axis.refusal_count > refusals and refused is not None and refused.code is Code.PWR_04
+        refused = axis.refusal if axis.refusal_count > refusals else None
+        return refused is not None and refused.code is Code.PWR_04
 
     def power_down(self) -> None:
         """Come to rest, close the brake, take the torque off; nothing when that was done."""
@@ -314,10 +314,10 @@ class AxisRun:
         self._scans.command(forward=forward, reverse=not forward)
         self._scans.renew()
         self.engine.step()
-        self._scans.until(lambda: self.axis.refusal_count > refusals or self._at_rest, seconds, held=True)
+        self._scans.until(lambda: self._at_rest, seconds, held=True)
         self._raise_refusal(refusals)
         self._scans.command(forward=False, reverse=False)
-        return self._finished(begin, lease=True)._replace(settled_s=None, asked_deg_s=None)
+        return self._finished(begin)._replace(settled_s=None, asked_deg_s=None)
 
     def test_brake(self) -> BrakeTestReport:
         """Give torque both ways against the closed brake, with power off; the result is retained.
@@ -425,12 +425,10 @@ class AxisRun:
         self._scans.command(move=False, forward=False, reverse=False)
         self._raise_refusal(refusals)
 
-    def _finished(self, begin: MotionReport, *, lease: bool = False) -> MotionReport:
+    def _finished(self, begin: MotionReport) -> MotionReport:
         """Wait until the motion has ended one way or the other."""
         self._memory.moves += 1
-        self._scans.until(
-            lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S, lease=lease
-        )
+        self._scans.until(lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S)
         end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
         if self.stop is not Stop.NO:

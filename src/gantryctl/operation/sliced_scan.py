@@ -13,7 +13,7 @@ from gantryctl.units import deg
 
 # Axis time between two calls of the observer.
 SLICE_S: Final = 0.1
-# The same while a hold-to-run command is renewed: as often as the page does, [monitors] lease_ms is 250 by default.
+# The same while a key is held and its lease renewed: as often as the page does, [monitors] lease_ms is 250 by default.
 LEASE_SLICE_S: Final = 0.03
 
 
@@ -56,19 +56,17 @@ class SlicedScan:
         timeout_s: float,
         *,
         held: bool = False,
-        lease: bool = False,
         watch: bool = True,
     ) -> None:
         """Scan until something is done, or the time is over.
 
         Args:
             held: a key is held: the lease is renewed, and a request to stop ends the waiting, which lets go.
-            lease: the lease is renewed.
             watch: stop requests go to the program.
         """
         engine = self._engine
         end_s = engine.time_s + timeout_s
-        slice_s = LEASE_SLICE_S if held or lease else SLICE_S
+        slice_s = LEASE_SLICE_S if held else SLICE_S
         handed = Stop.QUICK
 
         def ended(_: object) -> bool:
@@ -78,13 +76,13 @@ class SlicedScan:
         while engine.time_s < end_s - 1e-9:
             if watch and self._asked_to_stop() and held:
                 return
-            if held or lease:
+            if held:
                 self.renew()
             handed = self.stop if watch else Stop.QUICK
-            reached = engine.run_until(ended, min(slice_s, end_s - engine.time_s))
+            engine.run_until(ended, min(slice_s, end_s - engine.time_s))
             self._frames.look(engine.time_s)
             self._observe()
-            if reached and done():
+            if done():
                 return
 
     def snapshot(self) -> Snapshot:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from typing import Any, Final
@@ -31,11 +32,11 @@ from gantryctl.units import Dial, deg
 from gantryctl.wiring.compensation import lead_deg
 
 # Retained memory is in SI units like the program; people read degrees.
-_UNITS: Final = {
-    "_rad_s": (deg(1.0), "deg/s"),
-    "_rad": (deg(1.0), "deg"),
-    "_nm": (1.0, "N m"),
-    "_counts": (1.0, ""),
+_SHOWN: Final[dict[str, Callable[[Any], str]]] = {
+    "_rad_s": lambda value: f"{deg(value):.6g} deg/s",
+    "_rad": lambda value: f"{deg(value):.6g} deg",
+    "_nm": lambda value: f"{value:.6g} N m",
+    "_counts": lambda value: f"fine count {value}",
 }
 
 _AROUND_ZERO: Final = (
@@ -137,17 +138,14 @@ def retained_rows(retained: Retained) -> list[tuple[str, str]]:
     rows = []
     for field in fields(retained):
         name, value = field.name, getattr(retained, field.name)
-        unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
+        unit = next((unit for unit in _SHOWN if name.endswith(unit)), "")
         name = name.removesuffix(unit)
         if field.name == "alarms":
             text = f"{len(value)} (gantryctl alarms)"
         elif value in (None, ""):
             text = "-"
-        elif unit == "_counts":
-            text = f"fine count {value}"
         elif unit:
-            factor, symbol = _UNITS[unit]
-            text = f"{value * factor:.6g} {symbol}"
+            text = _SHOWN[unit](value)
         else:
             text = str(value)
         rows.append((name.replace("_", " "), text))

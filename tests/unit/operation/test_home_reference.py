@@ -157,6 +157,24 @@ def test_an_angle_beyond_the_mechanical_stops_cannot_be_true() -> None:
     assert "beyond the mechanical stops" in why_not(reading)
 
 
+@pytest.mark.parametrize(
+    ("moved_deg", "said"),
+    [
+        (1.0, "beyond the mechanical stops"),
+        (-1.0, "beyond the mechanical stops"),
+        (1.0001, "moved +1.000 deg while off, or"),
+        (-1.0001, "moved -1.000 deg while off, or"),
+    ],
+)
+def test_a_way_that_a_person_may_acknowledge_is_not_the_reason_against_an_angle(
+    moved_deg: float, said: str
+) -> None:
+    """Up to 1 deg only the stops can have made it invalid; beyond, turns may be lost."""
+    reading = judge_reference(SCALE, RAW, REST)._replace(verdict=RestVerdict.NOT_VALID, moved_deg=moved_deg)
+    assert said in why_not(reading)
+    assert ("beyond the mechanical stops" in why_not(reading)) is (abs(moved_deg) <= 1.0)
+
+
 @pytest.mark.parametrize("end", [0, 1])
 @pytest.mark.parametrize(("beyond_deg", "verdict"), [(-0.01, RestVerdict.OK), (0.01, RestVerdict.NOT_VALID)])
 def test_no_angle_beyond_a_stop_is_true(end: int, beyond_deg: float, verdict: RestVerdict) -> None:
@@ -165,6 +183,18 @@ def test_no_angle_beyond_a_stop_is_true(end: int, beyond_deg: float, verdict: Re
     reading = judge_reference(SCALE, RAW, replace(REST, zero_offset_counts=zero))
     assert reading.angle_deg == approx(angle, abs=1e-5)
     assert reading.verdict is verdict
+
+
+def test_an_angle_just_at_a_stop_is_within() -> None:
+    """The stops themselves belong to the angles that can be true, to the last bit."""
+    angle = judge_reference(SCALE, RAW, REST).angle_deg
+    assert angle is not None
+    beyond, before = math.nextafter(angle, math.inf), math.nextafter(angle, -math.inf)
+    for stops, verdict in (
+        ((angle, 190.0), RestVerdict.OK), ((beyond, 190.0), RestVerdict.NOT_VALID),
+        ((-190.0, angle), RestVerdict.OK), ((-190.0, before), RestVerdict.NOT_VALID),
+    ):  # fmt: skip
+        assert judge_reference(SCALE._replace(stops_deg=stops), RAW, REST).verdict is verdict
 
 
 # --- A10: lost turns --------------------------------------------------------------------------------------------------
@@ -193,6 +223,7 @@ def test_without_a_zero_there_is_no_angle(retained: Retained | None) -> None:
     assert reading.verdict is RestVerdict.NO_ZERO
     assert reading.angle_deg is None
     assert why_not(reading).startswith("ENC-10 ·")
+    assert "no zero offset is stored" in why_not(reading)
 
 
 # --- A9: the wrap of the range ----------------------------------------------------------------------------------------

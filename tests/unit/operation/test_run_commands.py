@@ -87,7 +87,7 @@ def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: 
     run: Any = object.__new__(AxisRun)
     run._memory, run._scans = (
         SimpleNamespace(moves=0),
-        SimpleNamespace(until=lambda *_, lease: None, stop=Stop.NO),
+        SimpleNamespace(until=lambda *_: None, stop=Stop.NO),
     )
     run.engine, run.operator = SimpleNamespace(time_s=7.0, scan=0), FixedOperator()
     run._open = SimpleNamespace(reading=SimpleNamespace(angle_deg=5.0))
@@ -106,16 +106,17 @@ def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: 
 @pytest.mark.parametrize("at_rest", [False, True])
 def test_a_power_down_waits_until_nothing_moves_any_more(at_rest: bool) -> None:
     """Torque may be off while the set-point is still on its ramp: the next run would begin with it."""
-    asked: list[bool] = []
+    asked: list[tuple[bool, float]] = []
     run: Any = SimpleNamespace(
         _powered=True,
         axis=SimpleNamespace(is_off=True, virtual=SimpleNamespace(at_rest=at_rest)),
         _scans=SimpleNamespace(
-            command=lambda **_: None, until=lambda done, seconds, *, watch: asked.append(done())
+            command=lambda **_: None, until=lambda done, seconds, *, watch: asked.append((done(), seconds))
         ),
     )
     AxisRun.power_down(run)
-    assert asked == [at_rest]
+    # A net below a stop that never ends.
+    assert asked == [(at_rest, 120.0)]
 
 
 def test_a_move_that_was_stopped_is_not_done() -> None:
@@ -178,6 +179,8 @@ def test_a_key_that_is_refused_moves_nothing_and_is_told() -> None:
         run.jog(True, 6.0, 0.5)
     assert run.angle_deg == approx(0.0, abs=1e-6)
     assert not run.operator.command.forward or run.axis.motion.current is None
+    with pytest.raises(CommandRefused, match="BRK-06 is active"):
+        run.move(5.0, 6.0)
     run.close("refused")
 
 

@@ -120,10 +120,18 @@ def test_a_warning_is_kept_as_a_warning() -> None:
     axis.alarms.raise_(Code.ENC_06)
     axis.alarms.raise_(Code.CTL_02, measured="a test")
     after = retained_after(MACHINE, REST, axis, Left(RAW), END)
-    assert [(alarm.code, alarm.severity) for alarm in after.alarms] == [
-        ("ENC-06", "WARNING"),
-        ("CTL-02", "STOP"),
+    assert [(alarm.code, alarm.severity, alarm.follows) for alarm in after.alarms] == [
+        ("ENC-06", "WARNING", ""),
+        ("CTL-02", "STOP", ""),
     ]
+
+
+def test_an_alarm_that_follows_from_another_is_kept_with_it() -> None:
+    axis = an_axis()
+    axis.alarms.raise_(Code.CTL_02, measured="a test")
+    axis.alarms.raise_(Code.DRV_06)
+    first, second = retained_after(MACHINE, REST, axis, Left(RAW), END).alarms
+    assert (first.follows, second.follows) == ("", "CTL-02")
 
 
 def test_a_rest_lies_within_the_range_of_the_encoder() -> None:

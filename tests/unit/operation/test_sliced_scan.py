@@ -85,11 +85,10 @@ def test_it_ends_in_the_scan_in_which_it_is_done() -> None:
     assert bench.engine.time_s == approx(0.14)
 
 
-@pytest.mark.parametrize("why", ["held", "lease"])
-def test_the_lease_is_renewed_every_30_ms_while_it_is_needed(why: str) -> None:
+def test_the_lease_is_renewed_every_30_ms_while_a_key_is_held() -> None:
     """[monitors] lease_ms is 250: eight renewals may be late."""
     bench = Bench()
-    bench.scans.until(never, 0.3, **{why: True})
+    bench.scans.until(never, 0.3, held=True)
     assert bench.engine.slices == [0.03] * 10
     assert bench.operator.command.lease == 10
     idle = Bench()

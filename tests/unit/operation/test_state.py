@@ -285,6 +285,9 @@ def test_a_zero_is_of_this_encoder_at_this_rest_and_the_one_before_is_kept() -> 
     assert after.previous_offset_counts == before.zero_offset_counts
     assert after.rest_position_counts == new_machine(MACHINE, 10.0).retained.rest_position_counts
     assert machine_status(MACHINE).condition == "power off, brake closed"
+    rows = dict(encoder_report(MACHINE).rows())
+    assert rows["witness"] == "mark 7"
+    assert rows["zero set by"] == f"{after.zero_set_by} {after.zero_set_at}"
 
 
 def test_the_way_travelled_is_told_in_degrees() -> None:
@@ -335,6 +338,45 @@ def test_a_reading_just_behind_the_wrap_is_no_motion_of_a_whole_range(
             state._check_standing(ON_BUS, store, seen)
     else:
         state._check_standing(ON_BUS, store, seen)
+
+
+def test_a_thousandth_of_a_degree_between_two_readings_is_a_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An encoder of 360 000 counts on the axis itself: one count."""
+    found = new_machine(MACHINE)
+    coarse = found.scale._replace(identity=found.scale.identity._replace(counts_per_turn=360_000), ratio=1.0)
+    seen = found._replace(scale=coarse, feedback=found.feedback._replace(pos_act_counts=7.0))
+
+    @contextmanager
+    def again(*_: object) -> Iterator[Any]:
+        yield seen._replace(feedback=seen.feedback._replace(pos_act_counts=8.0))
+
+    monkeypatch.setattr(state, "read_only", again)
+    store: Any = None
+    with pytest.raises(CommandRefused, match=r"the axis moves, \+0\.001 deg"):
+        state._check_standing(ON_BUS, store, seen)
+
+
+@pytest.mark.parametrize(("angle_deg", "told"), [(None, "100"), (30.0, "30")])
+def test_a_new_simulated_machine_is_told_with_the_angle_it_stands_at(
+    angle_deg: float | None, told: str
+) -> None:
+    """By itself in the middle of its travel, from 20 to 180 deg."""
+    machine = with_values(MACHINE, {"axis.pos_min_deg": 20.0})
+    assert reset_simulation(machine, angle_deg) == (
+        f"hust_gantry: a new simulated machine stands at {told} deg, brake closed"
+    )
+    assert machine_status(machine).angle_deg == pytest.approx(float(told), abs=1e-4)
+
+
+def test_a_simulated_machine_that_was_made_new_leaves_its_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a machine on a virtual bus: its drive would go on."""
+    left: list[object] = []
+    kept_of: list[object] = []
+    monkeypatch.setattr(state, "leave_bus", left.append)
+    monkeypatch.setattr(state, "keep_machine", lambda machine, store, drive, retained: kept_of.append(drive))
+    reset_simulation(MACHINE, 5.0)
+    assert len(left) == 1
+    assert left == kept_of
 
 
 def test_an_encoder_without_a_zero_is_reported_as_that() -> None:
