@@ -196,8 +196,8 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 def cli() -> None:
     """Soft motion controller for big, slow, unbalanced rotary axes.
 
-    Without --config the machine is the proton gantry of configs/hust_gantry.toml on the simulator. gantryctl is no
-    certified safety system: emergency stop, limit switches and safe torque off belong into hardware.
+    Without --config the machine is the proton gantry of configs/hust_gantry.toml on the simulator. gantryctl is not a
+    certified safety system: emergency stop, limit switches and safe torque off belong in hardware.
     """
 
 

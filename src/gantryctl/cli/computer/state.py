@@ -21,8 +21,8 @@ _MEANINGS: Final = {
     "traces": "recordings",
     "journal*": "journal: commands, alarms and logins",
     "opcua*": "key and certificates of OPC UA",
-    "*.lock": "held by a running command or service",
-    "lock": "held by a running command or service",
+    "*.lock": "lets one command or service at a time run the machine",
+    "lock": "lets one command or service at a time run the machine",
     "commissioning*": "what commissioning has proven",
 }
 
