@@ -18,6 +18,7 @@ _MEANINGS: Final = {
     "bus.json": "what the last run counted on the bus",
     "machine.json": "which machine file it belongs to",
     "service.json": "settings of the service",
+    "run.state": "how the last run of the service ended, and where",
     "traces": "recordings",
     "journal*": "journal: commands, alarms and logins",
     "opcua*": "key and certificates of OPC UA",

@@ -24,11 +24,11 @@ def user() -> None:
 @user.command("add")
 @click.argument("name")
 @click.option("--role", type=click.Choice(ROLES), required=True, help="What the user may do.")
-@click.option("--person", default="", help="Whose account it is, where it has not the name of its person.")
+@click.option("--person", default="", help="Whose account it is, unless it has the name of that person.")
 def user_add(name: str, role: str, person: str) -> int:
     """Add a user; asks for the password (12 characters at least).
 
-    Two accounts of one person are no two persons for `serve --second-person`. An account stands for the account of the
+    Two accounts of one person count as one person for `serve --second-person`. An account stands for the account of the
     system with the same name, too: that of the command line.
     """
     from gantryctl.service.protocol.roles import Role
