@@ -41,7 +41,10 @@ class Motor:
 def test_the_torque_goes_up_over_and_back_in_its_time(period_s):
     motor, slack_s = Motor(period_s), 3.01 * period_s + 0.02
     assert motor.test.left_s == approx(0.5 + 2.0 + 1.0 + 2.0 + 0.5)
-    assert motor.to(P.PLUS_HELD) == approx(0.5, abs=slack_s)
+    for _ in range(round(0.2 / period_s)):
+        motor.scan()
+    assert motor.test.left_s == approx(5.8)
+    assert motor.to(P.PLUS_HELD) == approx(0.3, abs=slack_s)
     assert motor.test.left_s == approx(5.5)
     assert motor.torque_nm == approx(HOLD_NM + LEVEL_NM, abs=3.3)
     assert motor.to(P.MINUS_RISING) == approx(2.0, abs=1e-6)
@@ -71,6 +74,8 @@ def test_95_percent_must_be_given_within_a_second_after_the_ramp(period_s, phase
         return
     assert motor.to(P.RELIEVING) == approx(in_scans(time_s, period_s) + period_s)
     assert motor.test.outcome is BrakeTestOutcome.FAILED
+    told = motor.test.words.values["what"].values
+    assert (told["given"], told["wanted"]) == approx((sign * most_nm, sign * LEVEL_NM))
 
 
 @PERIODS
@@ -229,3 +234,23 @@ def test_the_torque_is_asked_back_to_the_end_before_it_goes_off():
     motor.torque_nm = HOLD_NM
     motor.gives = lambda _: HOLD_NM
     assert motor.to(P.DISABLING) == approx(0.5, abs=0.002), "whatever the motor says"
+
+
+def test_a_stop_does_not_give_the_torque_more_time_to_come_back():
+    """Stopped again 1 s after the way back began: the 1.5 s end when they do."""
+    motor = Motor()
+    motor.to(P.RELIEVING)
+    motor.gives = lambda _: HOLD_NM + LEVEL_NM
+    for _ in range(1000):
+        motor.scan()
+    motor.test.end(BrakeTestOutcome.ABORTED, Words.STOPPED)
+    assert motor.to(P.DISABLING) == approx(0.5, abs=1e-6)
+
+
+def test_the_way_of_a_test_and_its_limit_are_told_in_degrees():
+    motor = Motor()
+    motor.scan()
+    motor.pos_rad = rad(0.0213)
+    motor.scan()
+    assert motor.test.words.values["way"] == approx(0.0213)
+    assert motor.test.words.values["limit"] == approx(0.02)

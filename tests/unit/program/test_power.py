@@ -8,7 +8,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.permission import why_no_torque
 from gantryctl.program.power.phases import Proof
 from gantryctl.units import rad
-from unit.program.parts import Parts
+from unit.program.parts import PERIODS, Parts
 from unit.program.power_steps import P, record, slip
 from unit.program.rig import RATIO, Rig, settings
 
@@ -185,9 +185,10 @@ def test_more_torque_than_asked_for_against_the_turn_of_the_shaft_is_no_wrong_to
     assert rig.axis.feedback.position_valid is (told != "ENC-12")
 
 
-def test_drive_that_opens_the_brake_itself():
+@PERIODS
+def test_drive_that_opens_the_brake_itself(period_s):
     """No proof is possible then; the sequence is accepted, the sag watched, and the report says so."""
-    rig = Rig(config=settings(brake_by_drive=True))
+    rig = Rig(config=settings(brake_by_drive=True, period_s=period_s))
 
     def own_brake(drive):
         return drive._replace(brake_open=drive.state is DriveState.OPERATION_ENABLED)

@@ -142,6 +142,20 @@ def test_the_proof_begins_4_ms_behind_the_scan_that_shows_a_drive_enabled():
     assert rig.scan - begun == 3, "the first of the four is the one that shows it"
 
 
+def test_a_drive_that_shows_enabled_and_then_not_has_its_4_ms_anew():
+    rig = Rig()
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.feedback.state is DriveState.OPERATION_ENABLED, 1.0)
+    rig.run(0.002)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON)
+    rig.step()
+    rig.spoil = None
+    rig.run(0.003)
+    assert rig.axis.power.phase is P.ENABLING
+    rig.step()
+    assert rig.axis.power.phase is P.PROVING
+
+
 @BOTH
 @pytest.mark.parametrize("drift", [2.0, 0.0, -2.0])
 def test_what_the_proof_torque_turns_is_counted_beside_what_the_load_swings_on(drift, way):

@@ -1,0 +1,254 @@
+"""What comes seldom in the power sequence, on an axis with an ideal drive; times and angles by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gantryctl.image import DigitalInputs, DriveState
+from gantryctl.program.alarms.codes import Code
+from gantryctl.units import rad
+from unit.program.parts import BOTH, PERIODS
+from unit.program.power_steps import P, record, slip
+from unit.program.rig import COUNTS_PER_TURN, RATIO, Rig, moving_rig, powered, settings
+
+approx = pytest.approx
+OPEN_CHAIN = DigitalInputs(estop_ok=False)
+
+
+def own_brake():
+    """A drive that opens its brake itself as soon as it is enabled."""
+    rig = Rig(config=settings(brake_by_drive=True))
+    rig.spoil = lambda drive: drive._replace(brake_open=drive.state is DriveState.OPERATION_ENABLED)
+    rig.op(power=True)
+    return rig
+
+
+@BOTH
+@PERIODS
+def test_a_shaft_that_turns_until_the_torque_comes_is_told_with_its_speed_and_its_time_without_torque(
+    period_s, way
+):
+    """Off for 2.5 s, and three scans more until the drive is enabled; 0.5 deg/s. Nothing is proved against it."""
+    rig = Rig(config=settings(period_s=period_s))
+    rig.run(2.5)
+
+    def spoil(drive):
+        turns = rig.axis.power.phase is P.ENABLING and drive.state is not DriveState.OPERATION_ENABLED
+        return drive._replace(vel_act_rad_s=way * rad(0.5) * RATIO) if turns else drive
+
+    rig.spoil = spoil
+    rig.op(power=True)
+    rig.until(lambda: bool(rig.codes), 0.1)
+    assert rig.codes == ["BRK-11"]
+    told = rig.axis.alarms.active[Code.BRK_11].values
+    assert told["measured"] == approx(0.5)
+    assert told["time_s"] == approx(2.5 + 3.0 * period_s, abs=1.1 * period_s)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    assert rig.output.torque_ff_nm == 0.0
+
+
+def test_a_drive_that_is_enabled_from_the_first_scan_on_has_let_nothing_turn():
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.PROVING, 0.01)
+    assert rig.codes == []
+
+
+@pytest.mark.parametrize("way_down", ["before the brake opened", "by a stop"])
+def test_a_brake_from_which_no_torque_was_taken_in_steps_gives_way_later(way_down):
+    """Also behind an earlier power-down in which it was: BRK-04, and not the BRK-03 of a brake that did not hold."""
+    rig = powered()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.is_off, 1.0)
+    rig.run(0.01)
+    rig.op(power=True)
+    if way_down == "by a stop":
+        rig.until(lambda: rig.axis.power.phase is P.ON, 1.0)
+        rig.drive.inputs = OPEN_CHAIN
+    else:
+        rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.OFF, 1.0)
+    slip(rig, 0.03)
+    assert rig.codes[-1] == "BRK-04"
+
+
+def test_the_brake_of_a_drive_may_let_its_gear_unwind_only_as_the_drive_is_disabled():
+    """0.03 deg behind a stop by torque off and brake is a slip; a gear may unwind by 0.05 deg."""
+    rig = own_brake()
+    rig.until(lambda: rig.axis.power.phase is P.ON, 5.0)
+    rig.drive.inputs = OPEN_CHAIN
+    rig.until(lambda: rig.axis.power.phase is P.OFF, 5.0)
+    slip(rig, 0.03)
+    assert rig.codes == ["INT-03", "BRK-04"]
+
+
+@BOTH
+@pytest.mark.parametrize(("deg_s", "codes"), [(0.019, []), (0.021, ["BRK-11"])])
+def test_a_shaft_that_creeps_until_the_torque_comes_does_not_turn(deg_s, codes, way):
+    """At rest is slower than 0.02 deg/s."""
+    rig = Rig()
+
+    def spoil(drive):
+        turns = rig.axis.power.phase is P.ENABLING and drive.state is not DriveState.OPERATION_ENABLED
+        return drive._replace(vel_act_rad_s=way * rad(deg_s) * RATIO) if turns else drive
+
+    rig.spoil = spoil
+    rig.op(power=True)
+    rig.run(0.02)
+    assert rig.codes == codes
+
+
+def test_a_drive_that_leaves_while_its_own_brake_opens_is_told():
+    """At rest and switched on disabled it looks as if it had ended a quick stop, which nobody asked for."""
+    rig = own_brake()
+    rig.until(lambda: rig.axis.power.phase is P.SAG_WATCH, 1.0)
+    rig.spoil = lambda drive: drive._replace(brake_open=False, state=DriveState.SWITCH_ON_DISABLED)
+    rig.step()
+    assert rig.codes == ["DRV-04"]
+
+
+def test_a_drive_that_stands_in_another_state_has_not_ended_its_quick_stop():
+    """Only switch-on disabled is the end that a drive comes to by itself."""
+    rig = own_brake()
+    rig.until(lambda: rig.axis.power.phase is P.ON, 1.0)
+    rig.op(quick_stop=True)
+    rig.spoil = lambda drive: drive._replace(brake_open=False, state=DriveState.READY_TO_SWITCH_ON)
+    rig.step()
+    assert rig.codes == ["INT-06", "DRV-04"]
+
+
+@PERIODS
+def test_a_drive_whose_brake_shows_open_late_gets_no_proof_against_it(period_s):
+    rig = Rig(config=settings(brake_by_drive=True, period_s=period_s))
+    shows_open = 0.05
+    rig.spoil = lambda drive: drive._replace(brake_open=rig.scan * period_s > shows_open)
+    rig.op(power=True)
+    said = record(rig, 1.0)
+    assert [phase for phase, _ in said] == [P.ENABLING, P.RELEASING, P.SAG_WATCH, P.ON]
+
+
+def test_a_drive_that_owns_its_brake_is_disabled_behind_its_quick_stop_without_unloading():
+    rig = own_brake()
+    rig.until(lambda: rig.axis.power.phase is P.ON, 1.0)
+    rig.op(quick_stop=True)
+    assert [phase for phase, _ in record(rig, 1.0)] == [P.QUICK_STOPPING, P.CLOSING, P.DISABLING, P.OFF]
+
+
+@BOTH
+@pytest.mark.parametrize(("counts", "codes"), [(0, ["ENC-02"]), (1, [])])
+def test_torque_that_is_taken_off_in_steps_turns_the_shaft_or_the_reading_is_frozen(counts, codes, way):
+    """40 N m, of which 30 are enough to show; one count is a turn."""
+    rig = Rig(config=settings(holding_torque_nm=way * 40.0))
+    rig.power_up()
+    rig.axis.power._twist._fine = True
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING, 1.0)
+    rig.spoil = lambda drive: drive._replace(pos_act_counts=drive.pos_act_counts - counts)
+    rig.run(0.5)
+    assert rig.codes == codes
+
+
+@BOTH
+def test_what_the_shaft_turns_behind_a_closed_brake_as_the_torque_goes_proves_the_reading(way):
+    """In a stop on the way down: 40 N m go, the shaft turns by a count in the second scan and stands from then on."""
+    rig = Rig(config=settings(holding_torque_nm=way * 40.0))
+    rig.power_up()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.power.phase is P.UNLOADING, 1.0)
+    rig.axis.power._twist._fine = True
+    stands, begun = rig.image.drive.pos_act_counts, rig.scan
+    rig.spoil = lambda drive: drive._replace(pos_act_counts=stands - (1 if rig.scan - begun >= 2 else 0))
+    rig.drive.inputs = OPEN_CHAIN
+    rig.run(0.02)
+    assert (rig.codes, rig.axis.power.phase) == (["INT-03"], P.TORQUE_OFF)
+
+
+def test_a_stop_on_a_reading_in_doubt_lasts_a_second_and_a_half_however_still_it_reads():
+    rig = moving_rig()
+    rig.axis.feedback.doubt(Code.ENC_02, measured="a test", time_ms=1.0)
+    stands = rig.image.drive.pos_act_counts
+    rig.spoil = lambda drive: drive._replace(pos_act_counts=stands, vel_act_rad_s=0.0, brake_open=False)
+    rig.step()
+    begun = rig.scan
+    rig.until(lambda: rig.axis.power.phase is P.OFF, 2.0)
+    assert (rig.scan - begun) * rig.period_s == approx(1.5, abs=0.0021)
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_a_stop_before_the_brake_was_opened_waits_for_a_load_that_nobody_knows_to_be_held(contact):
+    """Stopped while the contact still says open, or without one; then it says closed, and the load turns on."""
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=contact, brake_contact=contact)
+    rig.op(power=True)
+    rig.drive.inputs = OPEN_CHAIN
+    rig.step()
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    rig.spoil = lambda drive: drive._replace(
+        brake_open=False, brake_contact=contact, vel_act_rad_s=rad(0.1) * RATIO
+    )
+    rig.run(0.1)
+    assert rig.axis.power.phase is P.TORQUE_OFF
+
+
+def test_every_stop_by_the_brake_has_its_own_300_ms_of_rest():
+    rig = powered()
+    for _ in range(2):
+        rig.drive.inputs = OPEN_CHAIN
+        rig.step()
+        begun = rig.scan
+        rig.until(lambda: rig.axis.power.phase is P.OFF, 1.0)
+        assert (rig.scan - begun) * rig.period_s == approx(0.3, abs=0.0021)
+        rig.drive.inputs = DigitalInputs()
+        rig.op(power=False, reset=True)
+        rig.op(reset=False)
+        rig.power_up()
+
+
+def test_power_that_goes_off_is_no_test_of_the_brake():
+    rig = powered()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.is_off, 1.0)
+    assert (rig.axis.brake_test.count, rig.axis.brake_test.last) == (0, None)
+
+
+@BOTH
+def test_a_speed_that_grows_against_its_torque_is_a_wrong_sign_once_the_drive_has_left_its_ramp(way):
+    """A quick stop from 3 deg/s that gains 20 deg/s2 against 350 N m; what it may be beside its ramp is 0.5 deg/s."""
+    rig = moving_rig(at_deg=-way * 40.0, speed_deg_s=3.0)
+    rig.op(quick_stop=True)
+    counts, vel_rad_s = rig.image.drive.pos_act_counts, way * rad(3.0) * RATIO
+
+    def spoil(drive):
+        nonlocal counts, vel_rad_s
+        vel_rad_s += way * rad(0.02) * RATIO
+        counts += vel_rad_s * rig.period_s / math.tau * COUNTS_PER_TURN
+        return drive._replace(
+            pos_act_counts=round(counts), vel_act_rad_s=vel_rad_s, torque_act_nm=-way * 350.0
+        )
+
+    rig.spoil = spoil
+    rig.until(lambda: "ENC-12" in rig.codes, 0.1)
+    assert rig.axis.alarms.active[Code.ENC_12].values["measured"].values["speed"] == approx(3.51, abs=0.02)
+
+
+@BOTH
+def test_a_speed_may_leap_as_the_brake_opens_and_lets_go_what_its_gear_was_twisted_by(way):
+    """By 0.3 deg/s in the scan in which it shows open; the drive alone can take 0.21 deg/s, and the brake 0.37."""
+    config = settings(monitors={"speed_change_max_rad_s2": rad(169.0), "speed_change_per_torque": rad(0.08)})
+
+    def leaps(rig):
+        rig.spoil = lambda drive: drive._replace(vel_act_rad_s=way * rad(0.3) * RATIO)
+        rig.step()
+        rig.spoil = None
+        return rig.codes
+
+    rig = Rig(config=config)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.SAG_WATCH, 1.0)
+    assert leaps(rig) == []
+    rig = Rig(config=config)
+    rig.power_up()
+    assert leaps(rig) == ["ENC-14"]
