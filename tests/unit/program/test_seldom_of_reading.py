@@ -19,7 +19,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts
-from unit.program.test_parts_of_feedback import Encoder
+from unit.program.test_parts_of_feedback import ROTOR, Encoder
 from unit.program.test_parts_of_reset import OFF
 
 approx = pytest.approx
@@ -227,3 +227,72 @@ def test_of_two_flags_of_the_link_the_cause_is_told_and_not_what_follows_from_it
     encoder = Encoder()
     encoder.scan(link=before[0] | after[0])
     assert encoder.codes == [before[1]] + ["CAN-12"] * (after[1] == "CAN-12")
+
+
+@BOTH
+def test_a_gear_untwists_for_30_ms_behind_its_torque(way):
+    """100 N m against the change are gone for 12 ms, of which 75 are still twisted: 0.08 deg/s2 for each, and 0.222."""
+    most = 0.222 + 0.08 * 75.1 * 0.004
+    for share, wrong in ((0.98, False), (1.02, True)):
+        encoder = Encoder(0.004, 3.0, monitors=ROTOR)
+        for _ in range(100):
+            encoder.scan(torque_act_nm=-way * 100.0)
+        encoder.scan()
+        encoder.scan()
+        encoder.scan(speed_deg_s=3.0 + way * share * most)
+        assert ("ENC-14" in encoder.codes) is wrong, share
+
+
+@BOTH
+def test_a_count_that_stands_in_two_parts_of_20_ms_is_not_frozen(way):
+    """Commanded, for a scan not, and commanded again: 30 ms in a row are frozen."""
+    encoder = Encoder()
+    for command_deg_s, scans in ((0.2, 20), (0.0, 1), (0.2, 20)):
+        encoder.command_deg_s = way * command_deg_s
+        for _ in range(scans):
+            encoder.scan()
+    assert encoder.codes == []
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("command_deg_s", "speed_deg_s", "words", "value"),
+    [(0.5, 0.0, Words.WHILE_COMMANDED, 0.5), (0.5, 0.8, Words.WHILE_READ, 0.8)],
+)
+def test_a_frozen_count_is_told_with_the_larger_of_command_and_speed_before(
+    command_deg_s, speed_deg_s, words, value, way
+):
+    """Neither has a sign."""
+    encoder = Encoder(0.001, way * speed_deg_s, monitors={"encoder_drift_max_rad": math.inf})
+    encoder.speed_deg_s, encoder.command_deg_s = 0.0, way * command_deg_s
+    encoder.after(encoder.scan, most_s=0.2)
+    told = encoder.alarms.active[Code.ENC_02].values["measured"]
+    assert told.words is words
+    assert told.values["value"] == approx(value, rel=1e-3)
+
+
+@BOTH
+def test_an_angle_is_told_in_degrees_with_its_speed(way):
+    parts = Parts()
+    parts.turn(way * 2.0)
+    assert parts.feedback.where(way * rad(30.0)).values == {"value": approx(way * 30.0)}
+    told = parts.feedback.where_moving(way * rad(30.0))
+    assert (told.values["value"], told.values["speed"]) == approx((way * 30.0, way * 2.0))
+
+
+@BOTH
+def test_a_speed_that_leaps_is_told_in_degrees(way):
+    encoder = Encoder(speed_deg_s=way * 3.0, monitors=ROTOR)
+    encoder.scan(speed_deg_s=way * 4.0)
+    alarm = encoder.alarms.active[Code.ENC_14].values
+    told = alarm["measured"].values
+    assert (told["before"], told["value"]) == approx((way * 3.0, way * 4.0))
+    assert alarm["limit"] == approx(0.2055, abs=1e-4)
+
+
+@BOTH
+def test_of_a_speed_and_a_step_that_cannot_be_the_speed_before_stands(way):
+    """No number, and a step of 0.05 deg in a millisecond, 50 deg/s."""
+    encoder = Encoder(speed_deg_s=way * 3.0)
+    encoder.scan(step_deg=-way * 0.05, speed_deg_s=math.nan)
+    assert encoder.feedback.vel_rad_s == approx(way * rad(3.0))
