@@ -227,6 +227,8 @@ class MonitorSettings:
     reading_age_s: float = 0.030
     # Both channels of a chain switch within some 10 ms; half a second is a contact or a wire (fault catalogue G10).
     estop_discrepancy_time_s: float = 0.5
+    # A period of the load's swing, or longer: within it torque that comes and goes is no load and no brake.
+    swing_s: float = 0.5
     # More often than this within a minute is a loose wire, not people (fault catalogue G8).
     chatter_edges_max: int = 5
     chatter_time_s: float = 60.0

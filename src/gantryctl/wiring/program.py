@@ -227,6 +227,8 @@ def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | 
 
 # Of the permitted deviation of the speed: 0.2 deg/s on the reference gantry.
 _CHANGE_SHARE: Final = 0.4
+# Where the load swings faster the monitors keep the time of the reference gantry: taps of a key come no faster.
+_SWING_LEAST_S: Final = 0.5
 
 
 def _monitors(machine: Machine) -> MonitorSettings:
@@ -255,6 +257,7 @@ def _monitors(machine: Machine) -> MonitorSettings:
         in_position_tolerance_time_s=m.in_position_tolerance_time_s,
         torque_saturation_time_s=m.torque_saturation_time_ms * _MS,
         lease_s=m.lease_ms * _MS,
+        swing_s=max(_SWING_LEAST_S, 1.0 / machine.control.compensation.first_mode_hz),
         encoder_battery=m.encoder_battery,
         door_quick_stop=m.door_reaction == "quick_stop",
     )

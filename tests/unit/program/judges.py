@@ -309,11 +309,11 @@ def torque_of(parts: Parts, torque_nm: float) -> TorqueWatch:
 
 
 def is_heavy(parts: Parts, x: float) -> bool:
-    return scans(parts, torque_of(parts, x).standing, 210)
+    return scans(parts, torque_of(parts, x).standing, 260)
 
 
 def is_too_heavy(parts: Parts, x: float) -> bool:
-    scans(parts, torque_of(parts, x).standing, 210)
+    scans(parts, torque_of(parts, x).standing, 260)
     return parts.reaction("CTL-06") is Reaction.QUICK_STOP
 
 

@@ -426,6 +426,7 @@ ROWS: dict[str, Row] = {
     "can.load_encoder.zero_counts": {"bus.load_encoder.zero_counts": 1.0},
     "can.load_encoder.inverted": {"bus.load_encoder.inverted": 1.0},
     # --- monitors
+    "control.compensation.first_mode_hz": {"program.monitors.swing_s": lambda _: 0.8},
     "monitors.following_error_base_deg": {"program.monitors.following_error_base_rad": DEG},
     "monitors.following_error_per_speed_s": {"program.monitors.following_error_per_speed_s": 1.0},
     "monitors.following_error_warning_ratio": {"program.monitors.following_error_warning_ratio": 1.0},
@@ -637,7 +638,6 @@ ELSEWHERE = {
         ],
         "with the numbers of a calibration: tests/unit/program/test_calibration_watch.py",
     ),
-    "control.compensation.first_mode_hz": "identification",
     "control.compensation.gear_map.cycles_per_turn": "identification",
     "motor.power_rated_kw": "sizing",
     "motor.speed_rated_r_min": "sizing",
@@ -714,6 +714,7 @@ CHANGED: dict[str, Any] = {
     ),
     "plant.load.eccentric_sign": 1.0,
     "plant.encoder.serial": "SIM-0002",
+    "control.compensation.first_mode_hz": 1.25,
     "control.compensation.latency_us": 70.0,
     "control.compensation.moment_observer.limit_nm": 2e4,
     "control.compensation.backlash_observer.limit_deg": 0.007,

@@ -148,7 +148,10 @@ class CompensationTable(Table):
     )
     # Lower than the true one costs time alone. Above 25 Hz a creep of some degrees would be all ramps.
     first_mode_hz: float = number(
-        2.0, 0.02, 25.0, "First mode of the load that `gantryctl identify` expects; 25 of a stiffer one."
+        2.0,
+        0.02,
+        25.0,
+        "First mode of the load, for `gantryctl identify` and the torque monitors; 25 of a stiffer one.",
     )
     torque: TorqueFeedForwardTable = table("Torque feed-forward.", TorqueFeedForwardTable)
     gear_map: GearMapTable = table("Gear-error map.", GearMapTable)
