@@ -457,7 +457,7 @@ class Feedback:
                 self._torque_twist_nm = 0.0
             now_nm = sign * self.torque_nm
             torque_nm = max(0.0, now_nm) + max(0.0, min(now_nm, 0.0) - sign * self._torque_twist_nm)
-            limit = min(limit, self._change_max * scans + self._change_per_torque * torque_nm * scans)
+            limit = min(limit, self._change_max + self._change_per_torque * torque_nm)
         # The axis may turn in the first scan: nothing to compare with.
         if abs(change) > limit and not math.isnan(self.counts):
             self.doubt(

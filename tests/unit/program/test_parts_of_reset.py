@@ -27,8 +27,9 @@ def power(phase=PowerPhase.ON, **said):
 class Stop:
     """A stop from 3 deg/s at 10 deg, seen scan by scan."""
 
-    def __init__(self, reaction=Reaction.TORQUE_OFF, period_s=0.001, before=None, **said):
+    def __init__(self, reaction=Reaction.TORQUE_OFF, period_s=0.001, before=None, at_scan=0, **said):
         self.parts = Parts(period_s)
+        self.parts.alarms.scan = at_scan
         self.parts.alarms.pos_rad = rad(10.0)
         self.parts.turn(3.0)
         for name, value in (before or {}).items():
@@ -112,6 +113,7 @@ def test_a_brake_that_nobody_saw_close_of_a_shaft_that_nobody_sees_rest_is_not_t
     stop.scan(5, over=True, state=OFF, brake_open=True)
     assert W.STOP_UNCONFIRMED in stop.steps
     assert W.BRAKE_COMMANDED not in stop.steps
+    assert W.STILL_TURNING not in stop.steps, "the last speed is an old one"
 
 
 def test_a_reading_that_came_to_stand_long_before_the_brake_closed_is_told_with_its_last_speed():
@@ -184,6 +186,7 @@ def test_where_it_came_to_rest_is_told_only_of_an_angle_that_was_known_all_the_t
         ({}, True),
         ({"closed_s": 0.04}, False),  # a contact may be so late
         ({"off_s": 0.06}, False),  # until then torque held the shaft
+        ({"off_s": math.inf}, False),  # and it still does
         ({"counts_end": 1.0}, False),  # it moves as the load swings on
         ({"slow_s": 0.05}, False),  # friction may have stopped it
         ({"reaction": Reaction.QUICK_STOP}, False),
@@ -293,6 +296,13 @@ def test_nobody_is_told_to_press_the_emergency_stop_on_a_load_that_torque_holds(
     stop.scan(1, deg_s=0.2, brake_open=False)
     stop.scan(2, over=True)
     assert stop.steps == [W.TORQUE_KEPT, W.MOVED_TO]
+
+
+def test_the_speed_of_an_axis_whose_angle_is_in_doubt_is_not_told():
+    stop = Stop()
+    stop.scan(1, in_doubt=True)
+    stop.scan(2, over=True, state=OFF, brake_open=False)
+    assert stop.steps == [W.STOP_UNCONFIRMED, W.ANGLE_UNKNOWN]
 
 
 def test_a_hold_keeps_its_torque_and_tells_no_end_of_it():

@@ -23,6 +23,7 @@ from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.monitors.torque_model import TorqueModel
+from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.ramp_watch import RampWatch
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, Parts
@@ -41,6 +42,36 @@ def test_a_contact_that_was_wrong_shows_a_closed_brake_and_not_since_when(code):
     stop.scan(3, over=True)
     assert W.BRAKE_CLOSED_SEEN in stop.steps
     assert W.BRAKE_CLOSED_AFTER not in stop.steps
+
+
+def test_torque_that_was_off_behind_a_state_that_nobody_knew_has_no_time():
+    """The drive had torque, was not heard for a scan, and then shows that it has none."""
+    stop = Stop()
+    stop.parts.feedback._was_energised = True
+    stop.scan(1, state=DriveState.UNKNOWN, deg_s=0.0)
+    stop.scan(2, state=OFF, brake_open=False)
+    stop.scan(3, over=True)
+    assert W.TORQUE_OFF_SEEN in stop.steps
+    assert W.TORQUE_OFF_AFTER not in stop.steps
+
+
+@BOTH
+def test_of_an_axis_that_was_off_and_turns_nothing_but_its_speed_is_told(way):
+    """Neither torque nor brake had anything to do."""
+    stop = Stop(before={"state": OFF, "brake_open": False}, phase=PowerPhase.OFF, brake_open=False)
+    stop.scan(0)
+    stop.scan(1, over=True, deg_s=way * 0.7)
+    assert stop.steps == [W.STILL_TURNING, W.MOVED_TO]
+    assert stop.value(W.STILL_TURNING, "speed") == approx(0.7)
+
+
+def test_the_time_of_a_stop_counts_from_its_alarm():
+    """A drive that has torque 0.5 s after a stop of the third second, and not three seconds before."""
+    stop = Stop(at_scan=3000)
+    before = stop.alarm.steps
+    assert stop.scan(3499) is before
+    assert stop.scan(3501) is not before
+    assert stop.steps == [W.STOP_UNCONFIRMED]
 
 
 def test_the_record_of_a_stop_is_written_to_its_end_and_no_further():

@@ -29,6 +29,9 @@ def test_a_drive_with_other_parameters_is_told_beside_a_complaint_of_the_bus():
     encoder = Encoder()
     encoder.scan(link=LinkFlag.SYNC_JITTER, changed="6065 is 5, was 6")
     assert encoder.codes == ["CAN-02", "DRV-09"]
+    encoder = Encoder()
+    encoder.scan(changed="6065 is 5, was 6")
+    assert encoder.codes == ["DRV-09"]
 
 
 def test_a_drive_that_booted_is_told_as_that_and_not_as_one_whose_heartbeat_is_late():
@@ -244,13 +247,16 @@ def test_a_gear_untwists_for_30_ms_behind_its_torque(way):
 
 
 @BOTH
-def test_a_count_that_stands_in_two_parts_of_20_ms_is_not_frozen(way):
-    """Commanded, for a scan not, and commanded again: 30 ms in a row are frozen."""
+@pytest.mark.parametrize(
+    "between", [{"command_deg_s": 0.0}, {"age_scans": 1}], ids=["no command", "an old reading"]
+)
+def test_a_count_that_stands_in_two_parts_of_20_ms_is_not_frozen(between, way):
+    """30 ms in a row are frozen, while a speed is commanded and every reading is new."""
     encoder = Encoder()
-    for command_deg_s, scans in ((0.2, 20), (0.0, 1), (0.2, 20)):
-        encoder.command_deg_s = way * command_deg_s
-        for _ in range(scans):
-            encoder.scan()
+    for scan in range(41):
+        said = between if scan == 20 else {}
+        encoder.command_deg_s = way * said.get("command_deg_s", 0.2)
+        encoder.scan(age_scans=said.get("age_scans", 0))
     assert encoder.codes == []
 
 
@@ -296,3 +302,43 @@ def test_of_a_speed_and_a_step_that_cannot_be_the_speed_before_stands(way):
     encoder = Encoder(speed_deg_s=way * 3.0)
     encoder.scan(step_deg=-way * 0.05, speed_deg_s=math.nan)
     assert encoder.feedback.vel_rad_s == approx(way * rad(3.0))
+
+
+@BOTH
+@pytest.mark.parametrize(("scans", "codes"), [(6, []), (7, ["ENC-14"])])
+def test_for_five_scans_behind_a_late_telegram_a_speed_without_torque_may_turn_round(scans, codes, way):
+    """By 0.05 deg/s each way, of which a scan may turn 0.0154 round."""
+    told = {"encoder_shows_twist": True, "speed_change_per_torque": rad(0.2)}
+    encoder = Encoder(0.001, way * 0.05, state=OFF, monitors=told)
+    encoder.scan(age_scans=1, counts=encoder.feedback.counts)
+    for _ in range(scans - 2):
+        encoder.scan()
+    assert encoder.codes == []
+    encoder.speed_deg_s = -way * 0.05
+    encoder.feedback._look = True
+    encoder.scan()
+    assert encoder.codes == codes
+
+
+@BOTH
+def test_a_count_that_stands_while_the_speed_goes_on_is_told_with_that_speed(way):
+    """3 deg/s; 0.045 deg of its way are missing after 15 scans, before 30 ms of a count that stands."""
+    encoder = Encoder(speed_deg_s=way * 3.0)
+    encoder.command_deg_s = 0.0
+    held = encoder.feedback.counts
+    assert encoder.after(lambda: encoder.scan(counts=held), most_s=0.1) == approx(0.016, abs=0.0011)
+    told = encoder.alarms.active[Code.ENC_02].values["measured"]
+    assert (told.words, told.values["value"]) == (Words.WHILE_READ, approx(3.0))
+
+
+def test_three_bad_readings_in_a_row_are_told_as_three_milliseconds():
+    encoder = Encoder()
+    for _ in range(3):
+        encoder.scan(encoder=EncoderFlag.CRC_ERROR)
+    assert encoder.alarms.active[Code.ENC_04].values["time_ms"] == approx(3.0)
+
+
+def test_a_drive_that_never_followed_is_told_with_the_20_ms_that_it_had():
+    encoder = Encoder()
+    encoder.scan(link=LinkFlag.NEVER_FOLLOWED)
+    assert encoder.alarms.active[Code.DRV_05].values["measured"].values == {"limit": approx(20.0)}

@@ -252,3 +252,22 @@ def test_a_speed_may_leap_as_the_brake_opens_and_lets_go_what_its_gear_was_twist
     rig = Rig(config=config)
     rig.power_up()
     assert leaps(rig) == ["ENC-14"]
+
+
+def test_power_that_was_taken_back_does_not_come_on_where_the_brake_shows_open_as_it_is_closed_again():
+    """A drive that is about to open its own brake goes on to the end, then closes it."""
+    rig = Rig(config=settings(brake_by_drive=True))
+    rig.spoil = lambda drive: drive._replace(brake_open=rig.axis.power.phase is P.RELEASING)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.feedback.state is DriveState.READY_TO_SWITCH_ON, 1.0)
+    rig.op(power=False)  # in the scan that shows it switched on
+    phases = [phase for phase, _ in record(rig, 1.0)]
+    assert phases == [P.RELEASING, P.CLOSING, P.DISABLING, P.OFF]
+
+
+def test_a_drive_that_enables_itself_while_power_is_off_is_told():
+    rig = Rig()
+    rig.run(0.3)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED)
+    rig.step()
+    assert rig.codes == ["DRV-03"]

@@ -254,8 +254,8 @@ class PowerSequence:
 
     @property
     def ramp_left(self) -> bool:
-        """The drive makes a quick stop, and is faster than its ramp."""
-        return self.phase is PowerPhase.QUICK_STOPPING and self._ramp.left
+        """In a quick stop: the drive is faster than its ramp."""
+        return self._ramp.left
 
     @property
     def parked(self) -> bool:
@@ -298,9 +298,8 @@ class PowerSequence:
         self._unloaded = disabled and self._unloaded
         closed = self._feedback.brake_known and not (self._feedback.brake_open or self.brake_open)
         self._stood = self.phase in RISING and closed
-        self._off_s = (
-            self._count * self._period_s if self.phase in (PowerPhase.OFF, PowerPhase.PARKED) else 0.0
-        )
+        # Read in ENABLING alone: the time in OFF or PARKED.
+        self._off_s = self._count * self._period_s
         self.phase = phase
         self._turns_rad_s = 0.0
         self._count = self._enabled_scans = 0
