@@ -147,7 +147,7 @@ def test_too_fast_is_6_6_deg_s_and_from_7_2_on_no_ramp_is_believed(period_s, way
     ("pos_deg", "speed_deg_s", "codes"),
     [(180.49, 0.0, []), (180.51, 0.0, ["LIM-02"]), (math.nan, 0.0, ["LIM-02"]),
      # 6 deg/s take 36 / 11 = 3.27 deg; away from the end they take nothing of it.
-     (177.2, 6.0, []), (177.25, 6.0, ["CTL-10"]), (177.25, -6.0, []), (180.4, -6.0, [])],
+     (177.2, 6.0, []), (177.25, 6.0, ["CTL-10"]), (177.25, -6.0, []), (180.4, -6.0, []), (180.51, -6.0, ["LIM-02"])],
 )  # fmt: skip
 def test_a_quick_stop_must_end_inside_of_over_travel(way, pos_deg, speed_deg_s, codes):
     parts = Parts()
@@ -157,7 +157,10 @@ def test_a_quick_stop_must_end_inside_of_over_travel(way, pos_deg, speed_deg_s, 
     parts.after(one_scan(parts, watch, pos_deg=way * pos_deg), most_s=0.001)
     assert parts.codes == codes
     for code in codes:
-        assert parts.alarms.active[Code(code)].values["limit"] == approx(way * 180.5) or math.isnan(pos_deg)
+        told = parts.alarms.active[Code(code)].values
+        assert told["limit"] == approx(way * 180.5) or math.isnan(pos_deg)
+        measured = pos_deg if code == "LIM-02" else speed_deg_s
+        assert told["measured"] == approx(way * measured, nan_ok=True)
 
 
 @BOTH
@@ -287,6 +290,14 @@ def test_three_seconds_beside_the_window_are_not_in_position(period_s, way):
     assert not watch.not_in_position
 
 
+@BOTH
+def test_an_axis_that_has_not_arrived_has_not_left_its_place(way):
+    """0.025 deg: more than the window of standstill, of an axis that was never in position."""
+    parts = Parts()
+    parts.after(one_scan(parts, monitors_of(parts), error_deg=way * 0.025), lambda: False, 0.5)
+    assert parts.codes == ["CTL-12"]
+
+
 IN_A_ROW = {
     # What is wrong, its alarm, its time; and what may come between: a scan in the band, or beside the warning.
     "following error": ({"error_deg": 0.2}, "CTL-03", 0.010, {}),
@@ -311,7 +322,8 @@ def test_a_condition_counts_in_a_row(name):
         parts.feedback.brake_open = name != "brake"
         if name == "saturation":
             one_scan(parts, watch, error_deg=0.01)()
-        for _ in range(round(time_s * 1000) - 2):
+        # The scan before has counted as one of saturation.
+        for _ in range(round(time_s * 1000) - (2 if name == "saturation" else 1)):
             bad()
         assert code not in parts.codes, again
         parts.feedback.torque_limited, parts.feedback.brake_open = False, True
@@ -365,6 +377,23 @@ def test_values_of_an_alarm_are_degrees_and_have_no_sign(way):
     parts.feedback.brake_open = False
     one_scan(parts, watch, error_deg=-way * 0.06)()
     assert parts.alarms.active[Code.BRK_05].values == approx({"measured": way * 6.0, "error": 0.06})
+    parts.feedback.brake_open = True
+    parts.after(one_scan(parts, watch, error_deg=-way * 0.2), lambda: "CTL-03" in parts.codes, 0.02)
+    assert parts.alarms.active[Code.CTL_03].values == approx({"measured": 0.2, "limit": 0.102, "speed": 6.0})
+
+
+@BOTH
+def test_a_drive_that_comes_back_to_its_ramp_has_its_time_anew(way):
+    """3 deg/s were commanded; nearly 20 ms at 3.6 in a stop, a scan at 3, and nearly 20 ms again."""
+    parts = Parts()
+    watch = monitors_of(parts, way * 3.0)
+    parts.feedback.torque_nm = 20.0
+    one_scan(parts, watch, off_deg_s=way * 0.6)()
+    for speed_deg_s, scans in ((3.6, 18), (3.0, 1), (3.6, 19)):
+        parts.turn(way * speed_deg_s)
+        for _ in range(scans):
+            watch.scan_released(0.0)
+    assert parts.codes == []
 
 
 def test_an_axis_that_leaves_its_place_is_in_position_no_more():
@@ -485,3 +514,29 @@ def test_a_brake_that_closed_by_itself_at_rest_is_told_as_closed_where_it_was_co
     parts.after(lambda: watch.scan(0.0, 0.0, 0.0), most_s=0.5)
     values = parts.alarms.active[Code.BRK_06].values
     assert (values["measured"], values["command"]) == (Words.CLOSED, Words.OPEN)
+
+
+@BOTH
+def test_an_axis_that_follows_is_watched_for_torque_that_is_lost(way):
+    """3 deg/s, 0.06 off its command, and no torque for 50 ms."""
+    parts = Parts()
+    scan = one_scan(parts, monitors_of(parts, way * 3.0), off_deg_s=-way * 0.06)
+    assert parts.after(scan, most_s=0.1) == approx(0.050, abs=0.0011)
+    assert parts.codes == ["DRV-13"]
+
+
+@BOTH
+def test_the_torque_of_an_axis_in_position_is_learned_and_judged(way):
+    """In position after 200 ms; learned by 95 % within 3 s more. 95 % of 257 N m are too much for 250 ms more."""
+    parts = Parts()
+    parts.feedback.torque_nm = way * 100.0
+    scan = one_scan(parts, monitors_of(parts))
+    parts.after(scan, most_s=0.19)
+    assert parts.holding.mean_nm == 0.0
+    parts.after(scan, lambda: False, most_s=3.0)
+    assert parts.holding.mean_nm == approx(way * 95.0, rel=0.01)
+    assert parts.codes == []
+    parts = Parts()
+    parts.feedback.torque_nm = way * 0.95 * 257.0
+    assert parts.after(one_scan(parts, monitors_of(parts))) == approx(0.450, abs=0.0021)
+    assert (parts.codes, parts.reaction("CTL-06")) == (["CTL-06"], Reaction.QUICK_STOP)

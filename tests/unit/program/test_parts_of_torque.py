@@ -10,6 +10,7 @@ import pytest
 from gantryctl.image import DriveState
 from gantryctl.program import Reaction
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
@@ -296,13 +297,13 @@ def test_a_shaft_that_is_held_behind_a_contact_that_says_closed_names_the_brake(
     parts = Parts()
     watch = watched(parts)
     parts.feedback.brake_open = False
-    parts.turn(0.0)
+    parts.turn(way * 0.002)
     parts.feedback.torque_nm = way * 70.0
-    parts.after(lambda: watch.scan(rad(-way * 0.03), rad(0.5)), most_s=0.05)
+    parts.after(lambda: watch.scan(rad(-way * 0.03), rad(way * 0.5)), most_s=0.05)
     assert parts.codes == ["BRK-05"]
     assert parts.reaction("BRK-05") is Reaction.TORQUE_OFF
     assert not parts.feedback.in_doubt
-    assert parts.alarms.active[Code.BRK_05].values["error"] == approx(0.5)
+    assert parts.alarms.active[Code.BRK_05].values == approx({"measured": way * 0.002, "error": 0.5})
 
 
 def test_a_count_that_stands_is_a_frozen_encoder_and_no_held_shaft():
@@ -388,12 +389,16 @@ def test_a_shaft_held_at_rest_that_turns_against_its_torque_is_read_with_the_wro
     watch._without_effect(-way * 150.0, way * rad(0.2), way * rad(command_deg_s))
     assert parts.codes == [doubt]
     assert parts.feedback.in_doubt
+    if doubt == "ENC-12":
+        told = parts.alarms.active[Code.ENC_12].values["measured"].values
+        assert told == approx({"speed": 0.2, "torque": -way * 150.0})
 
 
 @BOTH
-def test_a_shaft_that_turns_with_its_torque_is_held_by_something(way):
+@pytest.mark.parametrize("deg_s", [0.01, 0.0])
+def test_a_shaft_that_turns_with_its_torque_or_stands_is_held_by_something(deg_s, way):
     parts = Parts()
-    watched(parts, way * 150.0)._without_effect(way * 150.0, way * rad(0.01), 0.0)
+    watched(parts, way * 150.0)._without_effect(way * 150.0, way * rad(deg_s), 0.0)
     assert parts.codes == ["BRK-14"]
 
 
@@ -481,3 +486,29 @@ def test_an_acceleration_that_was_there_before_explains_no_brake(period_s, way):
     parts.feedback.torque_nm = way * 205.0
     parts.after(lambda: watch.scan(off, 0.0), most_s=0.031)
     assert parts.codes == ["BRK-14"]
+
+
+@BOTH
+def test_torque_that_has_come_slowly_has_not_leapt(way):
+    """200 N m within 4 s, and 70 more at once that stay for 50 ms; 206 N m from one scan to the next are a leap."""
+    parts = Parts()
+    watch = watched(parts)
+    parts.turn(way * 3.0)
+    for step in range(4000):
+        parts.feedback.torque_nm = way * 0.05 * step
+        watch.scan(0.0, 0.0)
+    parts.feedback.torque_nm = way * 270.0
+    assert parts.after(lambda: watch.scan(0.0, 0.0), most_s=0.05) == math.inf
+
+
+@BOTH
+def test_of_a_reading_that_is_not_believed_nothing_but_that_is_told(way):
+    """300 N m on a shaft that stands against its command: the reading is wrong still, and no brake is looked for."""
+    parts = Parts()
+    watch = watched(parts)
+    parts.holding.believed = False
+    parts.feedback.torque_nm = way * 300.0
+    parts.turn(0.0)
+    parts.after(lambda: watch.scan(-way * rad(0.04), 0.0), lambda: False, 0.04)
+    assert parts.codes == ["DRV-14"]
+    assert parts.alarms.active[Code.DRV_14].values["measured"] is Words.TORQUE_STILL_WRONG

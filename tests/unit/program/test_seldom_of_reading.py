@@ -342,3 +342,16 @@ def test_a_drive_that_never_followed_is_told_with_the_20_ms_that_it_had():
     encoder = Encoder()
     encoder.scan(link=LinkFlag.NEVER_FOLLOWED)
     assert encoder.alarms.active[Code.DRV_05].values["measured"].values == {"limit": approx(20.0)}
+
+
+@BOTH
+@pytest.mark.parametrize(("later", "codes"), [(1, []), (2, ["ENC-01"])])
+def test_two_readings_behind_a_late_telegram_may_be_a_scan_late(later, codes, way):
+    """6 deg/s, 0.06 deg in 10 ms, and a jump may be 0.04: what the first is behind by comes with the second."""
+    encoder = Encoder(0.010, way * 6.0)
+    encoder.scan(age_scans=1, counts=encoder.feedback.counts)
+    encoder.scan(step_deg=-way * 0.06)
+    for _ in range(later - 1):
+        encoder.scan()
+    encoder.scan(step_deg=way * 0.06)
+    assert encoder.codes == codes
