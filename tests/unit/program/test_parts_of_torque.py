@@ -354,6 +354,19 @@ def test_a_motor_that_turns_its_own_brake_is_back_at_its_command_and_still_held(
 
 
 @BOTH
+def test_half_of_the_brakes_torque_that_goes_in_between_is_no_brake(way):
+    """205 N m for 20 ms, nothing for a scan, and again: 30 ms in a row are a brake."""
+    parts = Parts()
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    for torque_nm, scans in ((0.0, 1), (205.0, 20), (0.0, 1), (205.0, 20)):
+        parts.feedback.torque_nm = way * torque_nm
+        for _ in range(scans):
+            watch.scan(rad(-way * 0.06), 0.0)
+    assert parts.codes == []
+
+
+@BOTH
 def test_a_drive_that_reports_no_torque_is_not_judged_by_it(way):
     """Its reading is nothing, and so it stays, whatever the shaft does."""
     parts = Parts(torque_preload=False)
