@@ -235,9 +235,9 @@ class AxisRun:
         """
         if not self.axis.settings.travel.endless:
             return self.move(self.angle_deg + distance_deg, speed_deg_s, override)
-        levels = self._move_levels(0.0, speed_deg_s, override, None)
+        levels = self._speed_levels(speed_deg_s, override)
         require(check_range(rad(distance_deg), self.axis.settings.travel))
-        return self._motion(**levels | {"target_rad": rad(distance_deg), "relative": True})
+        return self._motion(**levels, move=True, relative=True, target_rad=rad(distance_deg), direction=None)
 
     def begin_move(self, target_deg: float, speed_deg_s: float, override: float = 1.0) -> None:
         """Begin a move and return while it goes on, for an experiment on the way; `follow` scans.
@@ -256,7 +256,7 @@ class AxisRun:
         self._scans.until(lambda: self.axis.alarms.first_out is not None, seconds)
         self._raise_alarm()
         if self.stop is not Stop.NO:
-            self._scans.until(lambda: self._at_rest, REST_S)
+            self._scans.until(lambda: self.axis.at_rest, REST_S)
             raise AlarmStop("stopped by the operator in the middle of an experiment")
 
     def halt(self) -> None:
@@ -264,27 +264,29 @@ class AxisRun:
         self._scans.command(halt=True)
         self.engine.step()
         self._scans.command(halt=False)
-        self._scans.until(lambda: self._at_rest, REST_S)
+        self._scans.until(lambda: self.axis.at_rest, REST_S)
         self._raise_alarm()
 
     def _move_levels(
         self, target_deg: float, speed_deg_s: float | None, override: float, direction: Direction | None
     ) -> dict[str, Any]:
-        wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
-        self._check_speed(wanted)
+        levels = self._speed_levels(speed_deg_s, override)
         travel, here = self.axis.settings.travel, rad(self.angle_deg)
         require(check_destination(here, rad(target_deg), direction, travel))
         direction = direction or inside_turn(here, rad(target_deg), travel)
-        if not 0.0 < override <= 1.0:
-            raise UsageError(f"override {override:g}: above 0 and at most 1")
-        return {
+        return levels | {
             "move": True,
             "relative": False,
             "target_rad": rad(target_deg),
             "direction": direction,
-            "speed_rad_s": rad(wanted),
-            "override": override,
         }
+
+    def _speed_levels(self, speed_deg_s: float | None, override: float) -> dict[str, Any]:
+        wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
+        self._check_speed(wanted)
+        if not 0.0 < override <= 1.0:
+            raise UsageError(f"override {override:g}: above 0 and at most 1")
+        return {"speed_rad_s": rad(wanted), "override": override}
 
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> MotionReport:
         """Make one increment in the incremental mode."""
@@ -312,9 +314,7 @@ class AxisRun:
         self.engine.step()
         begin, refusals = self._not_begun(), self.axis.refusal_count
         self._scans.command(forward=forward, reverse=not forward)
-        self._scans.renew()
-        self.engine.step()
-        self._scans.until(lambda: self._at_rest, seconds, held=True)
+        self._scans.until(lambda: self.axis.at_rest, seconds, held=True)
         self._raise_refusal(refusals)
         self._scans.command(forward=False, reverse=False)
         return self._finished(begin)._replace(settled_s=None, asked_deg_s=None)
@@ -368,8 +368,12 @@ class AxisRun:
         if isinstance(self.engine.clock, VirtualClock):
             return work()
         done = begin(work)
+        alarms = self.axis.alarms
         self._scans.until(
-            lambda: done.done() or (not finish and (self.stop is not Stop.NO or not self._no_alarm)), math.inf
+            lambda: (
+                done.done() or (not finish and (self.stop is not Stop.NO or alarms.first_out is not None))
+            ),
+            math.inf,
         )
         self._raise_alarm()
         return done.result() if done.done() else None
@@ -428,13 +432,13 @@ class AxisRun:
     def _finished(self, begin: MotionReport) -> MotionReport:
         """Wait until the motion has ended one way or the other."""
         self._memory.moves += 1
-        self._scans.until(lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S)
+        self._scans.until(lambda: self.axis.at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S)
         end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
         if self.stop is not Stop.NO:
             ending = Ending.STOPPED
         else:
-            reached = self._at_rest and not self.axis.monitors.not_in_position
+            reached = self.axis.at_rest and not self.axis.monitors.not_in_position
             ending = Ending.DONE if reached else Ending.NOT_IN_POSITION
         command = self.operator.command
         return begin._replace(
@@ -444,15 +448,6 @@ class AxisRun:
             settled_s=settled_s,
             asked_deg_s=deg(command.speed_rad_s) * command.override,
         )
-
-    @property
-    def _at_rest(self) -> bool:
-        """Nothing moves or waits; also after an alarm."""
-        return self.axis.at_rest or not self._no_alarm
-
-    @property
-    def _no_alarm(self) -> bool:
-        return self.axis.alarms.first_out is None
 
     # --- the end of the run --------------------------------------------------------------------------------------
 

@@ -172,10 +172,13 @@ def test_a_lack_of_a_real_drive_counts_whatever_the_machine_file_says_of_it(
     assert [reason.code for reason in ledger_reasons(MACHINE, (lack,), real=real)] == codes
 
 
-def test_a_machine_without_nodes_is_told_with_a_dash() -> None:
+def test_other_nodes_are_told_with_those_of_the_record_and_no_node_with_a_dash() -> None:
     why = why_not_commissioned(REAL, RECORD, health(nodes=()))
     assert why is not None
-    assert why.values["nodes"] == "-"
+    assert (why.values["nodes"], why.values["proven"]) == ("-", "5 X, 6 Y")
+    why = why_not_commissioned(REAL, RECORD, health(nodes=("5 X", "6 Z")))
+    assert why is not None
+    assert why.values["nodes"] == "5 X, 6 Z"
 
 
 @pytest.mark.parametrize("damage", ["drive = ", 'drive = "A"\n'])

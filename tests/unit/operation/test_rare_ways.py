@@ -363,12 +363,12 @@ def test_only_work_that_must_end_is_waited_for_whatever_comes(
         return run.operator.command
 
     monkeypatch.setattr(run.operator, "poll", poll)
-    ended = finish or comes == "nothing"
+    ended, options = finish or comes == "nothing", {"finish": True} if finish else {}
     if comes == "alarm":
         with pytest.raises(AlarmStop, match="CTL-02"):
-            run.while_standing(lambda: release.wait(9.0), finish=finish)
+            run.while_standing(lambda: release.wait(9.0), **options)
     else:
-        assert run.while_standing(lambda: release.wait(9.0), finish=finish) is (True if ended else None)
+        assert run.while_standing(lambda: release.wait(9.0), **options) is (True if ended else None)
     assert release.is_set() is ended
     release.set()
     run.close("done")

@@ -103,7 +103,7 @@ def test_what_is_refused_never_switches_power_on(ask: Callable[[AxisRun], object
 
 def test_an_override_outside_is_refused() -> None:
     session = AxisRun(IDEAL)
-    for override in (0.0, -1.0, 1.5, float("nan")):
+    for override in (0.0, -1.0, 1.001, 1.5, float("nan")):
         with pytest.raises(UsageError):
             session.move(1.0, override=override)
         # Power is not switched on for a move that cannot be.
@@ -341,7 +341,7 @@ def test_a_fault_in_the_program_stops_the_axis_and_holds_it() -> None:
 
 def test_a_program_that_does_not_switch_on_is_told_so() -> None:
     session = AxisRun(IDEAL, program=NeverOn)
-    with pytest.raises(AlarmStop, match="SYS-10 STOP · power-up did not end"):
+    with pytest.raises(AlarmStop, match="SYS-10 STOP · power-up did not end within 10 s"):
         session.move(1.0)
     session.close("failed")
 

@@ -19,7 +19,7 @@ from gantryctl.operation.run import AxisRun
 from gantryctl.program import Code, GantryProgram
 from gantryctl.program.alarms.words import Words
 from gantryctl.runtime import FixedOperator
-from gantryctl.units import deg
+from gantryctl.units import deg, rad
 from support.modulo_machine import modulo_machine
 
 from .kept_bench import IDEAL, MACHINE, kept_machine
@@ -85,9 +85,10 @@ def test_power_ups_and_moves_of_a_run_are_kept_each_for_itself() -> None:
 def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: bool, text: str) -> None:
     """A motion that goes on beyond its time is not done, though no window is left yet."""
     run: Any = object.__new__(AxisRun)
+    waited: list[float] = []
     run._memory, run._scans = (
         SimpleNamespace(moves=0),
-        SimpleNamespace(until=lambda *_: None, stop=Stop.NO),
+        SimpleNamespace(until=lambda done, seconds: waited.append(seconds), stop=Stop.NO),
     )
     run.engine, run.operator = SimpleNamespace(time_s=7.0, scan=0), FixedOperator()
     run._open = SimpleNamespace(reading=SimpleNamespace(angle_deg=5.0))
@@ -101,6 +102,8 @@ def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: 
     report = run._finished(MotionReport(Ending.STOPPED, 0.0, 0.0, 1.0, 1.0))
     assert (report.text, report.end_deg, report.to_s, report.settled_s) == (text, 5.0, 7.0, 1.0)
     assert run._memory.moves == 1
+    # Two minutes beyond the end of its plan, which was a second ago.
+    assert waited == [119.0]
 
 
 @pytest.mark.parametrize("at_rest", [False, True])
@@ -185,6 +188,24 @@ def test_a_key_that_is_refused_moves_nothing_and_is_told() -> None:
 
 
 @pytest.mark.parametrize("forward", [True, False])
+def test_a_key_is_let_go_as_an_alarm_comes_and_not_at_rest(forward: bool) -> None:
+    run, seen = AxisRun(IDEAL), list[tuple[bool, bool]]()
+
+    def look(snapshot: Snapshot) -> None:
+        command, speed_deg_s = run.operator.command, snapshot.speed_deg_s
+        assert speed_deg_s is not None
+        seen.append((command.forward or command.reverse, abs(speed_deg_s) > 1.0))
+        if snapshot.time_s > 6.0:
+            run.axis.quick_stop()
+
+    run.observe(look)
+    with pytest.raises(AlarmStop, match="INT-06"):
+        run.jog(forward, 6.0, 20.0)
+    assert (False, True) in seen
+    run.close("stopped")
+
+
+@pytest.mark.parametrize("forward", [True, False])
 def test_a_key_lasts_its_time_and_then_the_ramp(forward: bool) -> None:
     """0.6 deg/s for 3 s are 1.8 deg, less 0.46 of the way up with 0.39 deg/s2; the ramp adds 0.09 and its ends 0.03."""
     run = AxisRun(IDEAL)
@@ -252,11 +273,15 @@ def test_a_brake_test_that_an_alarm_ends_is_kept_as_that() -> None:
 
 def test_a_brake_test_tells_each_direction_by_its_own_torque() -> None:
     run = AxisRun(IDEAL)
+    assert (run.brake_test_report().text, run.brake_test_report().detail) == ("brake test none", "")
     run.test_brake()
     run.axis.brake_test.plus_nm, run.axis.brake_test.minus_nm = 71.0, -64.0
+    run.axis.brake_test.moved_rad = rad(0.0125)
     report = run.brake_test_report()
+    assert report.moved_deg == approx(0.0125)
     assert (report.plus_nm, report.minus_nm) == (71.0, -64.0)
     assert report.text == "brake test passed"
+    assert report.detail.startswith("held +70.0 and -70.0 N m")
     run.close("tested")
 
 
@@ -299,6 +324,34 @@ def test_an_alarm_that_overtakes_a_command_ends_it(
     run.close("stopped")
 
 
+def test_a_stop_that_is_asked_for_after_an_alarm_makes_no_second_one() -> None:
+    """The axis is on its way to torque off already; a person would have two alarms to read."""
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.begin_move(5.0, 6.0)
+    run.follow(0.5)
+    run.observe(lambda seen: setattr(run, "stop", Stop.QUICK))
+    run.axis.alarms.raise_(Code.CTL_02, measured="a test")
+    with pytest.raises(AlarmStop, match="CTL-02"):
+        run.follow(1.0)
+    assert run.axis.is_off
+    assert [alarm.code for alarm in run.axis.alarms.history] == [Code.CTL_02]
+    run.close("stopped")
+
+
+def test_an_alarm_that_forbids_the_next_motion_ends_no_motion_under_way() -> None:
+    """BRK-06: a brake that answers wrongly is no reason to stop on it."""
+    run = AxisRun(IDEAL)
+    run.power_up()
+    run.begin_move(5.0, 6.0)
+    run.follow(0.5)
+    run.axis.alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=400.0)
+    run.follow(0.5)
+    assert not run.axis.virtual.at_rest
+    assert run.axis.alarms.blocking() is not None
+    run.close("done")
+
+
 def test_a_refusal_of_power_is_of_the_power_up_that_it_refused() -> None:
     run = AxisRun(with_values(default_machine(), {"control.scan_period_ms": 4.0}))
     assert isinstance(run.drive, SimDrive)
@@ -333,6 +386,36 @@ def test_ways_and_angles_of_an_axis_without_ends_follow_each_other() -> None:
     assert run.move_by(3.0, 6.0).end_deg == approx(3.0, abs=0.005)
     assert run.move(1.0, 6.0).end_deg == approx(1.0, abs=0.005)
     run.close("done")
+
+
+def test_a_way_of_many_turns_is_a_way_and_none_of_no_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = AxisRun(modulo_machine({"drive.kind": "ideal", "control.scan_period_ms": 10.0}))
+    moved: list[dict[str, Any]] = []
+    monkeypatch.setattr(run, "_motion", lambda **levels: moved.append(levels))
+    # A thousand turns are 6283 rad.
+    run.move_by(-360_000.0, 6.0, 0.5)
+    assert moved == [
+        {
+            "move": True, "relative": True, "target_rad": approx(-6283.185307), "direction": None,
+            "speed_rad_s": approx(rad(6.0)), "override": 0.5,
+        }
+    ]  # fmt: skip
+    for nowhere in (float("nan"), float("inf")):
+        with pytest.raises(CommandRefused):
+            run.move_by(nowhere, 6.0)
+    run.close("refused")
+
+
+def test_the_frames_of_the_bus_since_the_last_slice_are_looked_at_as_a_run_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What was on the bus around an alarm in the last scans is kept with it."""
+    run = AxisRun(IDEAL)
+    run.power_up()
+    ended: list[bool] = []
+    monkeypatch.setattr(run._scans, "end", lambda: ended.append(run.axis.is_off))
+    run.close("done")
+    assert ended == [True]
 
 
 def test_a_run_that_was_refused_leaves_its_bus(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -455,6 +538,7 @@ def test_a_report_begins_with_the_scan_before_its_motion() -> None:
     run.power_up()
     begun_s = run.engine.time_s
     assert run.move(1.0, 6.0).from_s == begun_s
+    assert run.take() == run.angle_deg == approx(1.0, abs=0.005)
     run.close("done")
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gantryctl.engineering.accuracy.budget import (
+    _last_digit_deg,
     budget,
     budget_text,
     procedure_figure,
@@ -144,6 +147,58 @@ def test_the_error_of_a_base_is_in_every_chord_of_its_row() -> None:
     assert table_budget(table, "t", [base]).contributions[0].sensitivity == pytest.approx(
         6.0 / math.sqrt(2.0), rel=1e-5
     )
+
+
+@pytest.mark.parametrize(
+    ("error_deg", "digit_deg"), [(0.3, 0.1), (0.32, 0.01), (-0.000123, 1e-6), (0.0000004, 0.0), (1.0, 0.1)]
+)
+def test_the_last_digit_of_a_table_is_the_smallest_that_one_of_its_errors_has(
+    error_deg: float, digit_deg: float
+) -> None:
+    """Beside one of a single digit; more than six digits are no rounding."""
+    assert _last_digit_deg(np.array([[0.0, 0.1], [0.0, error_deg]])) == pytest.approx(digit_deg, rel=1e-12)
+
+
+def test_what_the_sources_draw_is_added_to_the_readings() -> None:
+    """Two that have no other draws than 1 and 0.5 deg on each reading: the figure goes up by both."""
+
+    def always(size: float) -> Any:
+        return SimpleNamespace(
+            **vars(replace(sources_of("level")[0], name=str(size))),
+            covariance=lambda angles, times: np.eye(len(angles)),
+            draws=lambda angles, times, draws, rng: np.full((draws, len(angles)), size),
+        )
+
+    found = budget("t", lambda angles: angles[..., 1], np.zeros(3), np.zeros(3), [always(1.0), always(0.5)])
+    assert (found.low_deg, found.high_deg) == (1.5, 1.5)
+    assert [row.sensitivity for row in found.contributions] == pytest.approx([1.0, 1.0])
+
+
+def test_a_budget_is_the_same_each_time_it_is_asked_for() -> None:
+    """2,000 draws of the same numbers, by whatever way."""
+    sources = sources_of("tracker")
+    first, again, other = (table_budget(PAPER_TABLE, "t", sources, *seed) for seed in ((), (0,), (1,)))
+    assert first == again
+    assert first.draws == 2000
+    assert first.low_deg != other.low_deg
+    found = [budget("t", FIGURE, ANGLES, TIMES, sources, **seed) for seed in ({}, {"seed": 0})]
+    assert found[0] == found[1]
+    stated = np.full(len(ANGLES), 2e-4)
+    assert stated_budget(PROCEDURE, ANGLES, stated) == stated_budget(PROCEDURE, ANGLES, stated, seed=0)
+
+
+def test_of_stops_that_are_not_read_alike_each_counts_with_its_own_statement() -> None:
+    """Every second stop is known three times better."""
+    stated = np.where(np.arange(len(ANGLES)) % 2, 1e-4, 3e-4)
+    slope = np.array(
+        [
+            float(FIGURE(ANGLES + 1e-6 * (np.arange(len(ANGLES)) == k)) - FIGURE(ANGLES)) / 1e-6
+            for k in range(len(ANGLES))
+        ]
+    )
+    found = stated_budget(PROCEDURE, ANGLES, stated)
+    assert found.combined_deg == pytest.approx(float(np.linalg.norm(slope * stated)), rel=1e-3)
+    assert found.contributions[0].value == 3e-4
 
 
 def test_the_first_stop_is_read_a_stop_after_the_start() -> None:

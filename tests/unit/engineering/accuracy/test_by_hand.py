@@ -90,3 +90,27 @@ def test_a_short_procedure_is_judged_with_what_the_whole_one_may_show_and_the_an
     assert judge_chords(found, LIMIT, whole_ratio=2.4).conformity is Conformity.UNDECIDED
     lost_turn = ChordFigures(0.004, 0.003, largest_angle_deg=0.3)
     assert judge_chords(lost_turn, LIMIT).conformity is Conformity.FAIL
+
+
+def test_a_verdict_names_its_figures_and_whose_they_are() -> None:
+    found = ChordFigures(0.004, 0.003, 0.0005, largest_angle_deg=0.001)
+    assert list(judge_chords(found, LIMIT).figures_deg) == [
+        "A as measured", "largest chord error", "largest angle error at a stop",
+    ]  # fmt: skip
+    short = judge_chords(found, LIMIT, whole_ratio=1.5, of="hust_gantry")
+    assert short.figures_deg == {
+        "hust_gantry: A as measured of the whole test, at most": pytest.approx(0.006),
+        "hust_gantry: largest chord error of the whole test, at most": pytest.approx(0.0045),
+        "hust_gantry: largest angle error at a stop": 0.001,
+    }
+    assert short.uncertainties_deg == {
+        "hust_gantry: A as measured of the whole test, at most": pytest.approx(0.00075)
+    }
+    assert short.text == (
+        "hust_gantry: A as measured of the whole test, at most 0.0060 +- 0.0008 deg, hust_gantry: largest chord error "
+        "of the whole test, at most 0.0045 deg, hust_gantry: largest angle error at a stop 0.0010 deg: within 0.01 "
+        "deg; required by the test"
+    )
+    assert short.required is LIMIT
+    assert (short.passed, judge_chords(ChordFigures(1.0, 1.0), LIMIT).passed) == (True, False)
+    assert judge({"a": 0.0099}, LIMIT, {"a": 0.001}).passed is None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from gantryctl.engineering.accuracy import gear
 from gantryctl.engineering.accuracy.gear import (
@@ -183,6 +183,55 @@ def test_the_prediction_is_that_of_the_coefficients(monkeypatch: pytest.MonkeyPa
     spread += 0.0003**2 * (np.eye(8) + np.kron(np.eye(2), np.ones((4, 4))))
     half = 1.959964 * np.sqrt(np.diag(spread))
     assert 0.5 * (found.high_deg - found.low_deg) == pytest.approx(half, rel=1e-4)
+
+
+def test_the_fit_is_that_of_the_coefficients(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The waves of the mean coefficients, another way to the same chords; of two readings' errors the mean of both."""
+    model = GearModel(PAPER_TABLE, WAVES, 0.0)
+    scaled = model.basis * np.degrees(np.array([w.amplitude_rad for w in WAVES] * 2)) / math.sqrt(2.0)
+
+    def fitted(reading_deg: float) -> np.ndarray:
+        noise = reading_deg**2 * (np.eye(24) + np.kron(np.eye(6), np.ones((4, 4))))
+        precision = np.eye(scaled.shape[1]) + scaled.T @ np.linalg.solve(noise, scaled)
+        return scaled @ np.linalg.solve(precision, scaled.T @ np.linalg.solve(noise, model.errors_deg))
+
+    monkeypatch.setattr(GearModel, "weights", lambda *_: {(8.0, 0.0003): 0.25, (8.0, 0.001): 0.75})
+    assert model.fitted() == pytest.approx(0.25 * fitted(0.0003) + 0.75 * fitted(0.001), abs=1e-10)
+
+
+def test_an_interval_of_two_grades_lies_between_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of the probability each: 2.5 % below the low end, in the mean of both distributions."""
+    model = GearModel(PAPER_TABLE, WAVES, WINDUP_RAD)
+    held = np.array([place.row.base_deg == 0.0 for place in model.places])
+    alone = []
+    for pair in ((6.0, 0.0002), (9.0, 0.0008)):
+        monkeypatch.setattr(GearModel, "weights", lambda *_, pair=pair: {pair: 1.0})
+        alone.append(model.predict(held))
+    monkeypatch.setattr(GearModel, "weights", lambda *_: {(6.0, 0.0002): 0.5, (9.0, 0.0008): 0.5})
+    both = model.predict(held)
+    assert both.mean_deg == pytest.approx(0.5 * (alone[0].mean_deg + alone[1].mean_deg), abs=1e-12)
+    for end, below in ((both.low_deg, 0.025), (both.high_deg, 0.975)):
+        parts = [
+            norm.cdf(end, one.mean_deg, (one.high_deg - one.low_deg) / (2.0 * 1.959964)) for one in alone
+        ]
+        assert 0.5 * (parts[0] + parts[1]) == pytest.approx(np.full(8, below), abs=1e-5)
+
+
+def test_the_weights_are_the_evidence_of_each_pair() -> None:
+    """Two pairs are as likely as their densities are to each other."""
+    model = GearModel(PAPER_TABLE, WAVES, WINDUP_RAD)
+    found = model.weights()
+    assert set(found) == {(grade, reading) for grade in GRADES for reading in READING_DEG}
+    assert sum(found.values()) == pytest.approx(1.0)
+    for one, other in (((8.0, 0.0004), (9.0, 0.0004)), ((8.0, 0.0004), (8.0, 0.0008))):
+        apart = model.log_evidence(*one) - model.log_evidence(*other)
+        assert math.log(found[one] / found[other]) == pytest.approx(apart, abs=1e-9)
+
+
+def test_the_grid_is_that_of_the_grades_and_of_readings_from_2_5_to_40_um() -> None:
+    """At 2.5 m: 5, 10, 20 and 40 um are about 0.0001, 0.0002, 0.0004 and 0.0008 deg."""
+    assert GRADES == (5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
+    assert READING_DEG == (0.00005, 0.0001, 0.0002, 0.0004, 0.0008)
 
 
 def test_intervals_hold_95_percent_of_what_synthetic_gears_do() -> None:

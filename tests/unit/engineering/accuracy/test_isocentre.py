@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from gantryctl.engineering.accuracy import isocentre as module
 from gantryctl.engineering.accuracy.isocentre import isocentre, isocentre_text, smallest_star
 from gantryctl.machine import default_machine, with_values
 
@@ -72,6 +74,15 @@ def test_a_track_lifts_its_ring_over_two_rollers() -> None:
         iso.shift_mm[ANGLES == 0.0][0, 0] / 5.0, abs=1e-12
     )
     assert iso.star_radius_mm > 0.01
+
+
+def test_the_phase_of_a_track_is_drawn_from_a_whole_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An eighth of it: rollers at 45 deg lie at sin 135 and sin -45 deg of two waves, x is 100 um and z stays."""
+    drawn = SimpleNamespace(random=lambda: 0.125)
+    monkeypatch.setattr(module.random, "Random", lambda seed: drawn)
+    changes = {"front_track_um": (100.0,), "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
+               "roller_angle_deg": 45.0, "nozzle_place": 0.0}  # fmt: skip
+    assert found(changes).shift_mm[ANGLES == 0.0][0] == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
 
 
 def test_the_second_number_of_a_track_is_three_waves() -> None:
