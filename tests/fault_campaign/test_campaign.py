@@ -166,6 +166,9 @@ def test_a_seed_is_replayed_from_the_command_line_and_from_its_file(tmp_path: Pa
     assert answer.json["trace_sha256"] in again.out
     assert "operator: power" in again.out
     assert cli("faults", "replay").code == 2
+    other = cli("faults", "replay", "7", "--scan", "10", "--drive", "bus")
+    assert other.code == 2
+    assert "seed 7 is on drive sim, left out: bus alone is played" in other.err
 
 
 def test_a_cell_of_the_matrix_is_played_again() -> None:

@@ -80,6 +80,28 @@ def test_scenarios_of_other_axes_are_within_their_travel_and_speed() -> None:
     assert {each.plant_seed for each in drawn if each.improved} == {None}
 
 
+def test_an_axis_on_the_bus_is_the_same_axis() -> None:
+    """Axis, loops and plant of the draft; telegrams, inputs and times of the bus of the reference gantry."""
+    for seed in range(8):
+        simulated, drawn = axis_scenario(1, seed), axis_scenario(1, seed, drive="bus")
+        assert (drawn.drive, drawn.beside) == ("bus", False)
+        if simulated.improved:
+            assert drawn.template
+            continue
+        assert (drawn.template, drawn.answers) == (simulated.template, simulated.answers)
+        there, here = base_of(drawn), base_of(simulated)
+        assert there.on_bus
+        assert not here.on_bus
+        assert (there.axis, there.plant, there.speed, there.motor) == (
+            here.axis,
+            here.plant,
+            here.speed,
+            here.motor,
+        )
+        assert there.can.inputs.brake_open >= 0
+        assert there.brake.owner == drawn.brake_owner
+
+
 def test_answers_of_a_scenario_are_those_of_its_axis() -> None:
     """A crane of twice the inertia that the template has."""
     usual, heavy = (

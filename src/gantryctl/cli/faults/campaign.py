@@ -27,6 +27,12 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which campaign."""
     for option in (
         click.option(
+            "--drive",
+            type=click.Choice(("sim", "bus")),
+            help="Leave out the runs on the other drive: simulated in process, or virtual behind a bus; both when not "
+            "given. With `axes` the drive of all runs, the simulated one when not given.",
+        ),
+        click.option(
             "--scan",
             type=FINITE,
             help="Scan period in ms, of every scenario, or of the cells of the matrix that are wanted; drawn, or all, "
@@ -48,7 +54,7 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def _campaign(kind: str, series: int, scan: float | None, drive: DriveKind | None = None) -> FaultCampaign:
+def _campaign(kind: str, series: int, scan: float | None, drive: DriveKind | None) -> FaultCampaign:
     from gantryctl.engineering.fault_campaign.kinds import campaign_of
 
     return campaign_of(kind, series, scan, drive)
@@ -56,11 +62,6 @@ def _campaign(kind: str, series: int, scan: float | None, drive: DriveKind | Non
 
 @click.command()
 @_campaign_options
-@click.option(
-    "--drive",
-    type=click.Choice(("sim", "bus")),
-    help="Leave out the runs on the other drive: simulated in process, or virtual behind a bus; both when not given.",
-)
 @click.option("--first", type=_SEEDS, default=0, show_default=True, help="First seed.")
 @click.option("--count", type=Whole(1, 2**40), default=5000, show_default=True, help="Number of seeds.")
 @click.option("--out", "out", type=PATH, help="Folder of the result; faults_KIND.result when not given.")
@@ -129,6 +130,7 @@ def replay(
     kind: str,
     series: int,
     scan: float | None,
+    drive: DriveKind | None,
     file: Path | None,
     out: Path | None,
     as_toml: bool,
@@ -154,7 +156,7 @@ def replay(
     if out is not None:
         need("matplotlib")
         check_place(out)
-    scenario = _scenario(seed, kind, series, scan, file)
+    scenario = _scenario(seed, kind, series, scan, drive, file)
     if as_toml:
         click.echo(scenario_toml(scenario), nl=False)
         return 0
@@ -198,6 +200,7 @@ def shrink(
     kind: str,
     series: int,
     scan: float | None,
+    drive: DriveKind | None,
     file: Path | None,
     trials: int,
     as_json: bool,
@@ -211,7 +214,7 @@ def shrink(
     from gantryctl.engineering.fault_campaign.shrink import shrink as make_small
     from gantryctl.engineering.fault_campaign.text import played_data
 
-    found = make_small(_scenario(seed, kind, series, scan, file), _nothing if as_json else say, trials)
+    found = make_small(_scenario(seed, kind, series, scan, drive, file), _nothing if as_json else say, trials)
     if as_json:
         print_json({"invariant": found.invariant, "trials": found.trials, **played_data(found.played)})
         return
@@ -249,11 +252,14 @@ def _nothing(line: str) -> None:
     """A program that reads JSON wants no progress."""
 
 
-def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file: Path | None) -> Scenario:
+def _scenario(
+    seed: int | None, kind: str, series: int, scan: float | None, drive: DriveKind | None, file: Path | None
+) -> Scenario:
     """The scenario that was asked for.
 
     Raises:
-        UsageError: neither seed nor file, or both; or a cell of the matrix, which is no scenario.
+        UsageError: neither seed nor file, or both; a cell of the matrix, which is no scenario; or a seed that the other
+            options leave out.
     """
     from gantryctl.engineering.fault_campaign.scenario import load_scenario
     from gantryctl.errors import UsageError
@@ -267,4 +273,8 @@ def _scenario(seed: int | None, kind: str, series: int, scan: float | None, file
         raise UsageError(
             "a cell of the matrix is one run of a row, with nothing to leave out: gantryctl faults replay"
         )
-    return _campaign(kind, series, scan).scenario(seed)
+    campaign = _campaign(kind, series, scan, drive)
+    scenario = campaign.scenario(seed)
+    if reason := campaign.left_out(scenario.drive, scenario.scan_ms):
+        raise UsageError(f"seed {seed} is on drive {scenario.drive}, {reason}: leave out --drive")
+    return scenario

@@ -117,19 +117,21 @@ def wide_scenario(series: int, number: int, scan_ms: float | None = None) -> Sce
     return scene.model_copy(update={"second_pinion": second_pinion, "edge": edge})
 
 
-def axis_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
+def axis_scenario(series: int, number: int, scan_ms: float | None = None, drive: Drive = "sim") -> Scenario:
     """The same on another axis: a template of `gantryctl new` with drawn answers, or the improved gantry.
 
-    Speeds and angles are those of the reference gantry, in parts of the highest speed and of the travel.
+    On a bus it is the same axis with faults of a bus. Speeds and angles are those of the reference gantry, in parts of
+    the highest speed and of the travel.
     """
     name = f"axes {series} {number}"
     draw = Draw(name)
     scan_ms = draw.one_of(_WIDE_SCANS_MS) if scan_ms is None else scan_ms
     # The improved gantry keeps the plant that its calibration is of: another eccentric moment is told (CTL-19).
     axis: dict[str, Any] = {"improved": True, "plant_seed": None}
-    if not draw.happens(_IMPROVED_SHARE):
+    # Its encoder on the ring is of the simulated drive.
+    if not draw.happens(_IMPROVED_SHARE) or drive == "bus":
         axis = {**_drawn_axis(draw, draw.one_of(template_names())), "edge": draw.happens(0.5)}
-    scene = _random(draw, name, number, scan_ms, drive="sim")
+    scene = _random(draw, name, number, scan_ms, drive, beside=False)
     return _on_axis(scene.model_copy(update={**axis, "ramp_deg_s2": None}))
 
 
@@ -172,11 +174,18 @@ def _on_axis(scene: Scenario) -> Scenario:
 
 
 def _random(
-    draw: Draw, name: str, number: int, scan_ms: float | None, drive: Drive | None = None
+    draw: Draw,
+    name: str,
+    number: int,
+    scan_ms: float | None,
+    drive: Drive | None = None,
+    *,
+    beside: bool = True,
 ) -> Scenario:
+    """`beside`: nodes beside the drive may be drawn."""
     if drive is None:
         drive = "bus" if draw.happens(BUS_SHARE) else "sim"
-    base = _machine(draw, drive, number, scan_ms)
+    base = _machine(draw, drive, number, scan_ms, beside=beside)
     actions = _deeds(draw, base.angle_deg)
     count = 0 if draw.happens(SOUND_SHARE) else _count(draw)
     rows = drawable(drive, base.beside)
@@ -215,10 +224,12 @@ def _count(draw: Draw) -> int:
     return 1 if share < _ONE else 2 if share < _TWO else 3
 
 
-def _machine(draw: Draw, drive: Drive, number: int, scan_ms: float | None) -> Scenario:
+def _machine(
+    draw: Draw, drive: Drive, number: int, scan_ms: float | None, *, beside: bool = True
+) -> Scenario:
     drawn_ms = draw.one_of(_SCANS_MS)
     scan_ms = drawn_ms if scan_ms is None else scan_ms
-    beside = drive == "bus" and draw.happens(_BESIDE_SHARE)
+    beside = beside and drive == "bus" and draw.happens(_BESIDE_SHARE)
     owners: tuple[Literal["drive", "object_60FE"], ...] = ("drive", "object_60FE")
     owner = draw.one_of(owners)
     return Scenario(

@@ -28,7 +28,6 @@ _DRAWS: Final = {
     "random": random_scenario,
     "pairs": pair_scenario,
     "wide": wide_scenario,
-    "axes": axis_scenario,
 }
 
 
@@ -38,7 +37,8 @@ class FaultCampaign:
 
     Attributes:
         series: other scenarios of the same kind. scan_ms: of all runs; None: drawn, or of the cell. drive: of all runs;
-            None: both. Cells of the matrix with another scan period, and runs on the other drive, are left out.
+            None: both, but the simulated one of other axes. Cells of the matrix with another scan period, and runs on
+            the other drive, are left out.
     """
 
     kind: Kind
@@ -97,6 +97,8 @@ class FaultCampaign:
 
     def scenario(self, seed: int) -> Scenario:
         """The scenario of a seed; not for the matrix, whose cells are runs of a row."""
+        if self.kind == "axes":
+            return axis_scenario(self.series, seed, self.scan_ms, self.drive or "sim")
         return _DRAWS[self.kind](self.series, seed, self.scan_ms)
 
 

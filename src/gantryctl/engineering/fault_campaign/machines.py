@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import functools
-from typing import Final, Literal
+from typing import Final
 
 from gantryctl.engineering.comparison.ensemble import random_plant_values
 from gantryctl.engineering.drafting.choice import draft_with
 from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
 from gantryctl.engineering.drafting.templates import load_template
 from gantryctl.engineering.fault_campaign.scenario import Scenario
-from gantryctl.engineering.faults.run import fault_machine
+from gantryctl.engineering.faults.bench import BrakeOwner
+from gantryctl.engineering.faults.run import DriveKind, fault_machine
 from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
-from gantryctl.machine import Machine, configs_folder, load_machine, with_values
+from gantryctl.machine import Machine, configs_folder, effective_values, load_machine, with_values
 
 KEEPS_RAMPS_DEG_S: Final = 0.6
 """A speed at which the machine keeps its own ramps (`faults.bench.bench_machine`)."""
 
 
 @functools.lru_cache(maxsize=32)
-def base_machine(
-    drive: Literal["sim", "bus"], beside: bool, brake_owner: Literal["drive", "object_60FE"], scan_ms: float
-) -> Machine:
+def base_machine(drive: DriveKind, beside: bool, brake_owner: BrakeOwner, scan_ms: float) -> Machine:
     """The reference gantry with its own plant and ramps."""
     return fault_machine(None, drive, KEEPS_RAMPS_DEG_S, scan_ms, brake_owner, beside=beside)
 
@@ -42,6 +41,14 @@ def _at_scan(machine: Machine, scan_ms: float) -> Machine:
     return with_values(machine, {"control.scan_period_ms": scan_ms})
 
 
+@functools.lru_cache(maxsize=32)
+def _on_bus(machine: Machine, owner: BrakeOwner, scan_ms: float) -> Machine:
+    """A machine whose drive is on the bus of the reference gantry: its telegrams, inputs and times."""
+    bus = effective_values(base_machine("bus", False, owner, scan_ms))
+    wired = {path: value for path, value in bus.items() if path.startswith("can.")}
+    return with_values(machine, {**wired, "drive.kind": "canopen", "brake.owner": owner})
+
+
 def axis_of(scenario: Scenario) -> Machine | None:
     """The other axis of a scenario as its file or its draft has it; None for the reference gantry."""
     if scenario.template:
@@ -58,7 +65,9 @@ def base_of(scenario: Scenario) -> Machine:
     """The machine that a scenario varies."""
     axis = axis_of(scenario)
     if axis is not None:
-        return _at_scan(axis, scenario.scan_ms)
+        axis = _at_scan(axis, scenario.scan_ms)
+        on_bus = scenario.drive == "bus"
+        return _on_bus(axis, scenario.brake_owner, scenario.scan_ms) if on_bus else axis
     return base_machine(scenario.drive, scenario.beside, scenario.brake_owner, scenario.scan_ms)
 
 
