@@ -271,3 +271,15 @@ def test_a_drive_that_enables_itself_while_power_is_off_is_told():
     rig.spoil = lambda drive: drive._replace(state=DriveState.OPERATION_ENABLED)
     rig.step()
     assert rig.codes == ["DRV-03"]
+
+
+def test_a_stop_behind_a_closed_brake_is_not_over_where_its_contact_opens():
+    """Stopped in the proof; the load turns on and the contact says open."""
+    rig = Rig()
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.PROVING, 1.0)
+    rig.drive.inputs = OPEN_CHAIN
+    rig.step()
+    rig.spoil = lambda drive: drive._replace(brake_open=True, vel_act_rad_s=rad(0.1) * RATIO)
+    rig.run(0.1)
+    assert rig.axis.power.phase is P.TORQUE_OFF
