@@ -391,7 +391,7 @@ RULES: Final[dict[type, Rules]] = {
         "_swing_max _tolerance_scans _torque_max _travel _trip _virtual _warning_ratio _window",
     ),
     MotionCommands: Rules(
-        same="_stop_execute brake_overdue state switching_off",
+        same="_stop_execute brake_overdue switching_off",
         part="buffered current stop_command waiting",
         clock="scan",
         fixed="_alarms _interlocks _monitors _power _settings _virtual speed_max_rad_s",

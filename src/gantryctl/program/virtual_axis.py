@@ -126,7 +126,7 @@ class VirtualAxis:
     def set_override(self, override: float, scan: int) -> Refusal | None:
         """Change the override 0..1 of the motion under way and all later ones."""
         before, self.override = self.override, override
-        if self.stopping or not self.following or (self.at_rest and not self.paused):
+        if self.stopping or (self.at_rest and not self.paused):
             return None
         refused = self.move_to(self._target, self._speed, self._ramps, scan)
         if refused is not None:

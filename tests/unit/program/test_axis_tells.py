@@ -1,14 +1,17 @@
 """What an axis tells of itself: at its start, in motion, and where it does not know."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
-from gantryctl.image import DigitalInputs
-from gantryctl.program import AxisState, Code, PowerPhase
+from gantryctl.image import DigitalInputs, Mode
+from gantryctl.program import Axis, AxisState, Code, PowerPhase
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg, rad
-from unit.program.rig import RATIO, Rig, moving_rig, powered, settings
+from unit.program.parts import BOTH
+from unit.program.rig import RATIO, ZERO_COUNTS, Rig, moving_rig, powered, settings
 
 
 def test_a_new_axis_stands_at_no_time_and_commands_nothing():
@@ -17,6 +20,7 @@ def test_a_new_axis_stands_at_no_time_and_commands_nothing():
     assert (axis.state, axis.refusal, axis.refusal_count) == (AxisState.DISABLED, None, 0)
     assert axis.calibration_memory == {}
     assert axis.torque_weights == ()
+    assert axis.plan_end_s == 0.0
 
 
 def test_an_axis_that_moves_is_not_told_as_at_rest():
@@ -135,3 +139,109 @@ def test_an_axis_without_power_is_not_in_position():
     rig.until(lambda: rig.axis.power.phase is PowerPhase.OFF, 5.0)
     rig.run(0.5)
     assert not rig.output.in_position
+
+
+def test_an_axis_keeps_no_plans_unless_asked():
+    assert not Axis(settings(), ZERO_COUNTS).virtual.keep_plans
+
+
+@pytest.mark.parametrize("level", [{"stop": True}, {"power": False}])
+def test_on_the_ramp_of_a_stop_nothing_rests_and_the_state_is_stopping(level):
+    rig = moving_rig()
+    rig.op(mode=Mode.INCREMENTAL, **level)
+    rig.run(0.1)
+    assert rig.vel_deg_s > 1.0
+    assert rig.axis.state is AxisState.STOPPING
+    assert not rig.axis.at_rest
+    assert rig.program.mode is Mode.NONE
+    assert rig.axis.power.phase is PowerPhase.ON, "the brake closes at rest"
+
+
+def test_the_first_scan_of_a_motion_is_no_rest():
+    """The shaft does not turn yet."""
+    rig = powered()
+    rig.move(5.0)
+    assert rig.axis.feedback.slow
+    assert not rig.output.at_rest
+
+
+def test_an_alarm_of_the_first_scan_shows_in_the_state():
+    rig = Rig()
+    rig.axis.alarms.raise_(Code.DRV_07, measured=1.0, limit=1.0)
+    rig.step()
+    assert rig.axis.state is AxisState.ERROR_STOP
+
+
+def test_an_axis_at_rest_that_is_switched_off_is_not_told_as_stopping():
+    rig = powered()
+    rig.op(power=False)
+    assert rig.axis.state is AxisState.STANDSTILL
+    rig.step()
+    assert rig.axis.state is AxisState.DISABLED
+
+
+def test_a_power_up_begins_its_time_in_position_anew():
+    rig = powered()
+    rig.op(power=False)
+    rig.until(lambda: rig.axis.is_off, 2.0)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is PowerPhase.ON, 2.0)
+    assert not rig.output.in_position
+    assert rig.axis.monitors.rest_scans < 10
+
+
+@BOTH
+def test_a_quick_stop_that_drives_against_its_torque_is_asked_by_its_ramp(way):
+    """Torque of 0.1 N m against 0.01 rad/s: 1e-3 W, more than what counts; on the limit it does not."""
+    rig = powered()
+    asked = []
+    rig.axis._drives_against = -1e-3
+    rig.axis.liveness = SimpleNamespace(
+        vel_rad_s=0.0,
+        asking=False,
+        stand=lambda *, proven: None,
+        stop=lambda: None,
+        drive_against=lambda: asked.append("held"),
+        ramp_against=lambda *, left: asked.append(left),
+    )
+    for phase, told in ((PowerPhase.ON, ["held"]), (PowerPhase.QUICK_STOPPING, [False])):
+        rig.axis.power.phase = phase
+        for vel, torque, counts in ((0.01, 0.1, False), (0.01, 0.11, True)):
+            asked.clear()
+            rig.axis.feedback.vel_rad_s, rig.axis.feedback.torque_nm = way * vel, -way * torque
+            rig.axis._try_reading()
+            assert asked == (told if counts else [])
+
+
+def test_an_axis_whose_reading_is_being_asked_about_does_not_park():
+    rig = Rig(config=settings(standstill=StandstillPolicy.BRAKE, hold_brake_after_s=0.6))
+    rig.power_up()
+    watch = rig.axis.liveness = Asked()
+    watch.asking = True
+    rig.run(1.0)
+    assert rig.axis.power.phase is PowerPhase.ON
+    watch.asking = False
+    rig.run(0.5)
+    assert rig.axis.power.phase is PowerPhase.PARKED
+
+
+@pytest.mark.parametrize("torque_nm", [1e6, -1e6])
+def test_a_torque_that_no_motor_gives_is_told_with_power_off_too(torque_nm):
+    rig = Rig()
+    rig.run(0.1)
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=torque_nm)
+    rig.run(0.1)
+    assert rig.codes
+
+
+@pytest.mark.parametrize("phase", PowerPhase)
+@pytest.mark.parametrize("brake_open", [True, False])
+def test_the_reading_of_a_shaft_that_no_torque_holds_is_not_asked_about(phase, brake_open):
+    """By its torque it is asked only on the ramp of the drive and as the brake closes, until that holds."""
+    rig = powered()
+    watch = rig.axis.liveness = Asked()
+    rig.axis.power.phase, rig.axis.feedback.brake_open = phase, brake_open
+    rig.axis._try_reading()
+    by_torque = phase in (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING) and brake_open
+    by_speed = phase in (PowerPhase.ON, PowerPhase.SAG_WATCH)
+    assert watch.asked == ("stop" if by_torque else "proven" if by_speed else None)

@@ -4,16 +4,17 @@ import math
 
 import pytest
 
-from gantryctl.image import BufferMode, DigitalInputs, Mode
+from gantryctl.image import BufferMode, DigitalInputs, Direction, Mode
 from gantryctl.program import AxisState, Code
 from gantryctl.program.axis.motion_command import CommandStatus, Dynamics, MotionCommand
 from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
 from gantryctl.program.settings import StandstillPolicy, TravelSettings
-from gantryctl.units import rad
+from gantryctl.units import deg, rad
 from unit.program.block_bench import Bench, call, standing
 from unit.program.parts import BOTH
 from unit.program.power_steps import P
 from unit.program.rig import Rig, moving_rig, powered, press, settings
+from unit.program.test_modulo import modulo
 
 approx = pytest.approx
 PARKS = {"standstill": StandstillPolicy.BRAKE, "hold_brake_after_s": 0.3}
@@ -371,3 +372,154 @@ def test_the_point_of_rest_is_that_of_the_ramp_of_the_machine():
     rig.run(2.0)
     virtual = rig.axis.virtual
     assert math.degrees(virtual.rest_point_rad() - virtual.pos_ref_rad) == approx(0.5, abs=1e-6)
+
+
+def test_a_motion_that_waits_for_the_brake_is_no_rest(parked):
+    """Neither the mode nor the angle is changed between a key and the motion that it begins."""
+    parked.op(mode=Mode.INCREMENTAL)
+    parked.move(5.0)
+    assert parked.axis.motion.waiting is not None
+    assert not parked.axis.at_rest
+    assert parked.axis.set_position(rad(1.0)) is not None
+    parked.op(mode=Mode.CONTINUOUS)
+    assert parked.program.mode is Mode.INCREMENTAL
+
+
+def test_a_way_from_a_new_zero_counts_from_there(parked):
+    """In one scan, behind the brake."""
+    assert parked.axis.set_position(rad(5.0)) is None
+    assert parked.axis.motion.move_relative(rad(1.0), rad(6.0)).target_rad == approx(rad(6.0))
+
+
+def test_what_was_asked_for_ends_with_the_alarm_that_stops_the_axis(parked):
+    """Under way and behind it; and what waits for the brake."""
+    rig = moving_rig()
+    motion = rig.axis.motion
+    commands = [motion.current, motion.move_relative(rad(1.0), rad(6.0), buffer_mode=BufferMode.BUFFERED)]
+    rig.op(quick_stop=True)
+    commands.append(parked.axis.motion.move_absolute(rad(5.0), rad(6.0)))
+    parked.op(quick_stop=True)
+    for command in commands:
+        assert command.status is CommandStatus.ERROR
+        assert command.refusal.code is Code.INT_06
+    assert (motion.current, motion.buffered, parked.axis.motion.waiting) == (None, None, None)
+    held = moving_rig()
+    held.op(stop=True)
+    command = held.axis.motion.stop_command
+    held.op(quick_stop=True)
+    assert command.status is CommandStatus.ERROR
+    assert held.axis.motion.stop_command is None
+
+
+def test_an_acceleration_is_not_changed_while_override_0_holds_a_motion_back():
+    rig = moving_rig()
+    rig.op(override=0.0)
+    rig.until(lambda: rig.vel_deg_s == 0.0, 3.0)
+    rig.run(0.5)
+    assert rig.axis.virtual.at_rest
+    assert rig.axis.set_acceleration(rad(1.0)) is not None
+
+
+def test_a_held_stop_keeps_the_brake_open():
+    rig = Rig(config=settings(**PARKS | {"hold_brake_after_s": 0.6}))
+    rig.power_up()
+    rig.op(stop=True)
+    rig.run(1.0)
+    assert rig.axis.power.phase is P.ON
+    rig.op(stop=False)
+    rig.run(1.0)
+    assert rig.axis.power.phase is P.PARKED
+
+
+def test_a_stop_that_is_done_is_not_made_an_error_by_an_alarm():
+    rig = powered()
+    rig.op(stop=True)
+    rig.run(0.1)
+    assert rig.program.stop.done
+    command = rig.axis.motion.stop_command
+    rig.op(quick_stop=True)
+    assert command.status is CommandStatus.DONE
+
+
+def test_a_motion_that_waits_for_the_brake_has_no_speed_at_override_0(parked):
+    parked.op(override=0.0)
+    command = parked.axis.motion.move_velocity(rad(6.0))
+    assert parked.axis.motion.waiting is command
+    assert not parked.axis.motion.in_velocity(command)
+
+
+def test_a_motion_that_override_0_holds_back_is_not_at_its_speed():
+    rig = powered()
+    command = rig.axis.motion.move_velocity(rad(6.0))
+    rig.run(2.0)
+    assert rig.axis.motion.in_velocity(command)
+    rig.op(override=0.0)
+    rig.run(2.0)
+    assert rig.axis.motion.current is command
+    assert rig.axis.virtual.at_rest
+    assert not rig.axis.motion.in_velocity(command)
+
+
+def test_an_end_of_motions_ends_what_waits_for_the_brake_too(parked):
+    command = parked.axis.motion.move_absolute(rad(5.0), rad(6.0))
+    reason = parked.axis.alarms.note(Code.INT_05, measured=2.0, limit=1.0)
+    parked.axis.motion.stop_by(reason)
+    assert command.status is CommandStatus.ERROR
+    assert command.refusal is reason
+    assert parked.axis.motion.waiting is None
+    parked.run(1.0)
+    assert parked.ref_deg == approx(0.0, abs=1e-4)
+
+
+def test_a_speed_that_is_ended_shows_as_a_speed_until_the_axis_rests():
+    rig = powered()
+    rig.axis.motion.move_velocity(rad(6.0))
+    rig.run(2.0)
+    rig.axis.motion.stop_by(rig.axis.alarms.note(Code.INT_05, measured=2.0, limit=1.0))
+    rig.run(0.5)
+    assert rig.vel_deg_s > 0.5
+    assert rig.axis.state is AxisState.CONTINUOUS_MOTION
+
+
+def test_an_end_of_motions_leaves_a_stop_that_holds_the_axis():
+    rig = moving_rig()
+    rig.op(stop=True)
+    rig.run(0.1)
+    rig.axis.motion.stop_by(rig.axis.alarms.note(Code.INT_05, measured=2.0, limit=1.0))
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.STOPPING
+    assert rig.program.stop.busy
+    assert rig.axis.motion.stop_command is not None
+
+
+@pytest.mark.parametrize("speed_rad_s", [0.0, -1.0, math.nan])
+def test_a_speed_that_is_none_is_refused_while_the_brake_test_is_overdue_too(speed_rad_s):
+    rig = powered()
+    rig.axis.judge_brake(overdue=True)
+    assert rig.axis.motion.check_speed(speed_rad_s).code is Code.CTL_01
+    assert rig.axis.motion.check_speed(rad(1.0)) is None
+    assert rig.axis.motion.check_speed(rad(1.01)).code is Code.BRK_12
+
+
+def test_of_two_ways_of_half_a_turn_a_move_without_a_direction_takes_the_positive_one():
+    rig = Rig(config=modulo())
+    rig.power_up()
+    command = rig.axis.motion.move_absolute(-math.pi, rad(6.0))
+    assert command.target_rad == approx(math.pi)
+
+
+def test_the_direction_is_that_of_the_turning_axis_and_at_rest_that_of_its_last_motion():
+    rig = Rig(at_deg=100.0, config=modulo())
+    rig.power_up()
+    motion = rig.axis.motion
+    back = motion.move_absolute(rad(50.0), rad(6.0), Direction.NEGATIVE)
+    rig.until(lambda: back.status is CommandStatus.DONE, 20.0)
+    at_rest = motion.move_absolute(rad(80.0), rad(6.0), Direction.CURRENT)
+    assert deg(at_rest.target_rad) == approx(80.0 - 360.0)
+    rig.run(0.1)
+    assert rig.vel_deg_s < 0.0
+    # Turned round, it still goes on for a moment.
+    motion.move_absolute(rad(200.0), rad(6.0), Direction.POSITIVE)
+    assert rig.vel_deg_s < 0.0
+    turning = motion.move_absolute(rad(80.0), rad(6.0), Direction.CURRENT)
+    assert deg(turning.target_rad) == approx(80.0 - 360.0)

@@ -1,18 +1,20 @@
 """The second encoder, and the turns of a modulo axis behind it; by a law that shows what it was given."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from types import SimpleNamespace
 
 import pytest
 
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.axis.load_side import LoadSide
-from gantryctl.program.settings import CompensationSettings
+from gantryctl.program.monitors.calibration_watch import Finding
+from gantryctl.program.settings import CalibrationWatchSettings, CompensationSettings
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
-from unit.program.rig import Rig
+from unit.program.rig import Rig, settings
 from unit.program.test_modulo import modulo
 
 approx = pytest.approx
@@ -249,3 +251,73 @@ def test_laws_keep_their_angles_when_the_zero_of_the_axis_moves_on(way):
     assert rig.ref_deg == approx(-60.0 * way)
     assert [deg(angle) for angle in law.turned_rad] == approx([360.0 * way])
     assert deg(law.asked[-1].ref) == approx(-60.0 * way)
+
+
+class Watch:
+    """A watch of the calibration that keeps what it was shown."""
+
+    def __init__(self, found):
+        self.seen, self.rests, self.found = [], 0, found
+
+    def scan(self, *seen):
+        self.seen.append(seen)
+
+    def rest(self):
+        self.rests += 1
+        return self.rests == 2
+
+
+@pytest.mark.parametrize(("load_encoder", "backlash_rad"), [(True, 0.5), (False, 0.0)])
+def test_the_calibration_is_watched_in_motion_and_told_of_at_rest(load_encoder, backlash_rad):
+    """What the second encoder shows of the backlash counts where it is read; once told, the newest figures stand."""
+    parts, law, side = load_side(load_encoder=load_encoder)
+    law.backlash_change_rad, law.disagreement_rad = 0.5, rad(0.01)
+    watch = side.watch = Watch({"scale": Finding(rad(0.2), rad(0.1))})
+    virtual = parts.virtual
+    virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2 = 1.0, 2.0, 3.0
+    parts.feedback.torque_nm = 4.0
+    virtual.at_rest = False
+    side.scan(virtual, 0.0)
+    assert watch.seen == [(1.0, 2.0, 3.0, 4.0, rad(0.01), backlash_rad)]
+    assert watch.rests == 0
+    virtual.at_rest = True
+    side.scan(virtual, 0.0)
+    assert (len(watch.seen), parts.codes) == (1, [])
+    side.scan(virtual, 0.0)
+    assert parts.codes == ["CTL-22"]
+    watch.found = {"scale": Finding(rad(0.3), rad(0.1))}
+    side.warn_stale()
+    (said,) = parts.alarms.active[Code.CTL_22].values["measured"]
+    assert said.values == {"measured": approx(0.3), "limit": approx(0.1)}
+
+
+def test_a_machine_without_a_watch_has_nothing_to_warn_of():
+    parts, _, side = load_side()
+    side.warn_stale()
+    assert parts.codes == []
+
+
+@BOTH
+def test_encoders_that_differ_by_the_limit_agree_and_beyond_it_are_told_in_degrees(way):
+    parts, law, side = load_side(load_encoder=True, disagreement_rad=0.5)
+    law.disagreement_rad = way * 0.5
+    assert parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=0.1) == math.inf
+    law.disagreement_rad = way * 0.6
+    parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=0.1)
+    values = parts.alarms.active[Code.ENC_07].values
+    assert values == {"measured": approx(deg(way * 0.6)), "limit": approx(deg(0.5))}
+
+
+def test_a_moment_at_the_limit_is_one_that_a_person_expects():
+    parts, law, side = load_side(0.010, moment_limit_nm=1000.0)
+    law.change_nm = 1000.0
+    assert parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=5.1) == math.inf
+
+
+@pytest.mark.parametrize("preload", [True, False])
+def test_a_calibration_is_watched_where_the_drive_adds_the_torque_that_is_asked_for(preload):
+    figures = dict.fromkeys((field.name for field in fields(CalibrationWatchSettings)), 1.0)
+    watch = CalibrationWatchSettings(**figures | {"identity": "1"})
+    config = settings(torque_preload=preload)
+    side = LoadSide(config, CompensationSettings(Law(), watch=watch), None, Parts().feedback, AlarmLog())
+    assert (side.watch is not None) is preload

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 
 import pytest
 
@@ -327,3 +328,74 @@ def test_a_motion_of_the_scan_in_which_power_comes_on_shows_one_scan_later():
     assert rig.program.move.active
     rig.step()
     assert rig.axis.state is AxisState.DISCRETE_MOTION
+
+
+@BOTH
+def test_a_command_at_its_limit_is_sent_and_one_beyond_it_stops_the_axis(way):
+    """6.3 deg/s at the gantry; 385 N m."""
+    for vel, torque, alarms in (
+        (rad(6.3) * RATIO, 385.0, []),
+        (math.nextafter(rad(6.3) * RATIO, math.inf), 0.0, ["CTL-02"]),
+        (0.0, math.nextafter(385.0, math.inf), ["CTL-02"]),
+    ):
+        rig = powered()
+        axis = rig.axis
+        axis._vel_next, axis.power.torque_ff_nm = way * vel, way * torque
+        output = axis.end()
+        assert rig.codes == alarms
+        sent = 0.0 if alarms else 1.0
+        assert output.vel_cmd_rad_s == sent * way * vel
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_no_angle_is_given_to_an_axis_that_is_held_by_a_stop_or_an_alarm(held):
+    rig = powered()
+    if held:
+        rig.op(stop=True)
+        rig.run(0.1)
+        assert rig.axis.state is AxisState.STOPPING
+    else:
+        rig.op(quick_stop=True)
+        rig.until(lambda: rig.axis.is_off, 3.0)
+        rig.run(0.1)
+        assert rig.axis.state is AxisState.ERROR_STOP
+    assert rig.axis.at_rest
+    assert rig.axis.set_position(rad(1.0)) is not None
+    assert rig.pos_deg == approx(0.0, abs=0.001)
+
+
+def test_power_off_in_a_brake_test_takes_the_torque_back_before_the_drive_is_disabled():
+    rig = Rig()
+    rig.op(power=False)
+    rig.op(brake_test=True)
+    rig.until(lambda: rig.axis.power.torque_ff_nm > 50.0, 5.0)
+    assert rig.axis.power.phase is P.TESTING
+    rig.axis.power_off()
+    phases = []
+
+    def over():
+        phases.append((rig.axis.power.phase, abs(rig.axis.power.torque_ff_nm)))
+        return rig.axis.is_off
+
+    rig.until(over, 5.0)
+    assert P.UNLOADING in [phase for phase, _ in phases]
+    assert max(nm for phase, nm in phases if phase is not P.TESTING) < 1.0
+    assert not rig.codes
+
+
+def test_a_motion_has_its_torque_in_the_scan_in_which_it_is_taken():
+    """Laws that answer 1 rad/s and 7 N m to a new plan, and nothing to the one before."""
+    rig = powered()
+    side = rig.axis.load_side = SimpleNamespace(torque_ff_nm=0.0, begin=lambda: None, watch=None)
+    side.scan = lambda virtual, counts: (0.0, 0.0, 0.0)
+
+    def scan_again(virtual, counts):
+        side.torque_ff_nm = 7.0
+        return 1.0, 0.0, 0.0
+
+    side.scan_again = scan_again
+    rig.step()
+    before_nm = rig.output.torque_ff_nm
+    rig.op(move=True, target_rad=rad(5.0), speed_rad_s=rad(6.0))
+    assert rig.output.vel_cmd_rad_s == 1.0
+    assert rig.output.torque_ff_nm == approx(before_nm + 7.0)

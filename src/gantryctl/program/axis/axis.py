@@ -128,7 +128,7 @@ class Axis:
         self.refusal_count = 0
         self._error = False
         self._settled = True
-        self._events = AxisEvents(False, False, False, None)
+        self._events: AxisEvents | None = None
 
     def begin(self, image: InputImage) -> None:
         """Take the image: feedback, set-point, monitors, reactions, power."""
@@ -138,7 +138,7 @@ class Axis:
         self.scan = self.motion.scan = alarms.scan = scan
         self.time_s = alarms.time_s = time_s
         # Before the feedback is judged: what a stall has done to the bus is a consequence of it.
-        if stop is not None and stop is not self.system_stop:
+        if stop is not None:
             self._stopped_by_engine(stop)
         feedback.scan(drive, self.vel_cmd_rad_s)
         counts = feedback.counts - self.zero_counts
@@ -283,9 +283,8 @@ class Axis:
             self.abort_brake_test(Words.POWER_SWITCHED_OFF)
             return
         # After an alarm there is nothing to stop, and no phase that this ends.
-        if self.is_off or self.motion.switching_off:
-            return
-        self.motion.abort_for_power_off()
+        if not self.is_off:
+            self.motion.abort_for_power_off()
 
     def reset(self, *, service: bool = False) -> Refusal | None:
         """Clear alarms whose cause is gone; None when accepted. Never enables, never shortens a stop."""
@@ -300,11 +299,9 @@ class Axis:
             self._interrupted()
             self._unfollow()
 
-    def stop_by(self, code: Code, /, **values: object) -> Refusal:
+    def stop_by(self, code: Code, /, **values: object) -> None:
         """End the present motion on the jog-release ramp with `code` as its error (HLT); power stays on."""
-        reason = self.alarms.note(code, **values)
-        self.motion.stop_by(reason)
-        return reason
+        self.motion.stop_by(self.alarms.note(code, **values))
 
     def set_override(self, override: float) -> Refusal | None:
         """Set the speed override 0..1 of this motion and all later ones; 0 stops, and it goes on when raised.
@@ -494,7 +491,7 @@ class Axis:
 
     def _park(self) -> None:
         motion = self.motion
-        if motion.current is None and motion.stop_command is None and not self.motion.switching_off:
+        if motion.current is None and motion.stop_command is None:
             self.power.park()
             self._unfollow()
 
@@ -502,7 +499,6 @@ class Axis:
         self._events = events
         before, self.state = self.state, next_state(self.state, events)
         self._settled = before is self.state
-        self.motion.state = self.state
 
     # --- status -------------------------------------------------------------------------------------
 

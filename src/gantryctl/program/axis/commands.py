@@ -51,13 +51,13 @@ class MotionCommands:
         speed_max_rad_s: highest speed of later motions, at most the highest setting.
         stop_command: the Stop that holds the axis, or None.
         switching_off: power goes off as soon as the axis is at rest; until then it takes no command.
-        state, scan: of the axis, set by `Axis`.
+        scan: of the axis, set by `Axis`.
         waiting: the command that waits for the brake, or None.
     """
 
     __slots__ = (
         "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_sign", "_stop_execute", "_virtual",
-        "brake_overdue", "buffered", "current", "scan", "speed_max_rad_s", "state", "stop_command",
+        "brake_overdue", "buffered", "current", "scan", "speed_max_rad_s", "stop_command",
         "switching_off", "waiting",
     )  # fmt: skip
 
@@ -81,7 +81,6 @@ class MotionCommands:
         self._stop_execute = self.brake_overdue = self.switching_off = False
         # Direction of the last motion.
         self._sign = 1.0
-        self.state = AxisState.DISABLED
         self.scan = 0
 
     # --- commands ---------------------------------------------------------------------------------
@@ -173,7 +172,7 @@ class MotionCommands:
         """Come to rest on the jog-release ramp and take no other command until `release_stop`."""
         command = MotionCommand(AxisState.STOPPING)
         # With power off and in ErrorStop the axis is stopped already.
-        if self.state is AxisState.ERROR_STOP or not self._power.status:
+        if not self._power.status:
             return command.fail(self._not_ready())
         self._stop_on_jog_ramp()
         self.take(None)
@@ -332,14 +331,15 @@ class MotionCommands:
                 if not travel.endless and aim.direction is None:
                     return check_range(aim.value, travel)
                 refused = check_destination(here_rad, aim.value, aim.direction, travel)
-                if travel.endless and refused is None:
+                if refused is None:
                     direction = aim.direction or Direction.SHORTEST
                     command.target_rad = self._branch(aim.value, direction, rest_rad)
                 return refused
             case Goal.WAY | Goal.WAY_ON:
                 before = self.current or self.waiting
-                goes_on = aim.goal is Goal.WAY_ON and before is not None and before.settles
-                command.target_rad = (before.target_rad if goes_on and before else here_rad) + aim.value
+                if aim.goal is Goal.WAY_ON and before is not None and before.settles:
+                    here_rad = before.target_rad
+                command.target_rad = here_rad + aim.value
                 return check_range(command.target_rad, travel)
             case Goal.SPEED:
                 # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself; a modulo
@@ -413,8 +413,7 @@ class MotionCommands:
         return check_way(here_rad, target_rad, self._settings.travel, self._interlocks)
 
     def _check_ready(self) -> Refusal | None:
-        stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None
-        if stopped or not self._power.status:
+        if self._alarms.first_out is not None or not self._power.status:
             return self._not_ready()
         # A motion taken over from that ramp would be made to its end.
         if self.switching_off:
