@@ -9,10 +9,14 @@ from typing import Any, Final, NamedTuple
 import pytest
 
 from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.faults import FrameFault, FrameKind
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
 from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
+from gantryctl.engineering.faults.inject import inject
+from gantryctl.engineering.faults.injection import injection
+from gantryctl.engineering.faults.kinds.kind import Value
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.program import AxisState, GantryProgram, Reaction
 from gantryctl.runtime import FixedOperator
@@ -20,6 +24,7 @@ from gantryctl.units import rad
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.engine import build_engine, build_program
 from gantryctl.wiring.virtual import virtual_bus
+from support.fault_rows import target_of
 
 MACHINE: Final = load_machine(configs_folder() / "hust_can.toml")
 # Eccentricity that gives 50 kN m, the moment of the check: the reference load has 16 kN m at 8.15 mm.
@@ -162,12 +167,18 @@ class BusRig:
 
     def drop_telegram(self, number: int, count: int | None = None) -> None:
         """Lose a TPDO on its way, for good or so many times."""
-        self.inject("tpdo", tpdo=number, kind="drop", **({} if count is None else {"count": count}))
+        self.spoil_telegrams(number, "drop", count=count)
 
-    def inject(self, fault: str, **values: object) -> None:
-        """Spoil the drive by its side channel."""
-        answer = self.ask({"cmd": "inject", "fault": fault, **values})
-        assert answer["ok"], answer
+    def spoil_telegrams(
+        self, number: int, kind: FrameKind, amount: int = 1, count: int | None = None
+    ) -> None:
+        """Spoil so many of a TPDO on their way, or all."""
+        self.node.faults.tpdo[number] = FrameFault(kind, amount, count)
+
+    def inject(self, where: str, kind: str, /, **args: Value) -> None:
+        """Let a fault act, and tell it the oracle."""
+        target = target_of(self.machine, self.node, self.engine, self.neighbours)
+        inject(target, injection(where, kind, **args))
 
     # --- what happened -----------------------------------------------------------------------------------------
 

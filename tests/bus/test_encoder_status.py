@@ -21,7 +21,7 @@ ROWS = [
 def test_an_alarm_of_the_encoder_takes_the_torque_off(speed: float, owner: str, scan_ms: float) -> None:
     rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)
     begun = len(rig.ticks)
-    rig.inject("encoder_flags", value=int(EncoderFlag.ALARM))
+    rig.inject("encoder", "flags", bits=int(EncoderFlag.ALARM))
     rig.run(3.0)
     assert rig.stops[0] == "ENC-05"
     assert rig.way_deg(begun - 1) < FEEDBACK_DEG[abs(speed)]
@@ -33,7 +33,7 @@ def test_an_alarm_of_the_encoder_takes_the_torque_off(speed: float, owner: str, 
 
 def test_a_warning_goes_on() -> None:
     rig = BusRig(bus_machine()).power_up().cruise(3.0)
-    rig.inject("encoder_flags", value=int(EncoderFlag.WARNING))
+    rig.inject("encoder", "flags", bits=int(EncoderFlag.WARNING))
     rig.run(0.5)
     assert rig.codes == ["ENC-06"]
     assert rig.axis.state is AxisState.DISCRETE_MOTION

@@ -59,7 +59,7 @@ def test_telegrams_held_up_by_frames_of_others_are_no_jump_and_no_second_sender(
     more = half_full(rig)
     rig.engine.run_until(more, 0.1)
     for number in (1, 2):
-        rig.inject("tpdo", tpdo=number, kind="delay", amount=lag, count=count)
+        rig.spoil_telegrams(number, "delay", lag, count)
     rig.engine.run_until(more, 0.8)
     assert max(rig.drive.health().duplicated) == lag  # those that came at once
     assert rig.codes == []
@@ -72,11 +72,11 @@ def test_a_jump_of_the_encoder_is_found_on_a_half_full_bus(scan_ms: float) -> No
     rig = BusRig(bus_machine("drive", scan_ms)).power_up().cruise(3.0)
     more = half_full(rig)
     for number in (1, 2):
-        rig.inject("tpdo", tpdo=number, kind="delay", amount=1)
+        rig.spoil_telegrams(number, "delay")
     rig.engine.run_until(more, 0.2)
     assert rig.codes == []
     jump_turns = JUMP_DEG / 360.0 * rig.machine.axis.ratio
-    rig.inject("position_offset", value=round(jump_turns * rig.machine.can.increments_per_turn))
+    rig.node.faults.position_offset = round(jump_turns * rig.machine.can.increments_per_turn)
     rig.engine.run_until(more, 2.0)
     assert rig.stops[0] == "ENC-01", rig.told
     rig.engine.close()

@@ -53,10 +53,10 @@ def test_an_input_acts_with_the_first_sync_after_it(scan_ms: float) -> None:
     """Sampled at SYNC, answered and judged in that scan: one scan, whatever its length, for each input."""
     rig = BusRig(io_machine(scan_ms), 20.0).power_up()
     rig.cruise(1.0)
-    rig.inject("motion_permit", value=False)
+    rig.inject("input", "off", name="motion_permit")
     assert reaction_scans(rig, "INT-08") == 1
     for name, code in (("door_ok", "INT-07"), ("collision_ok", "INT-01"), ("estop_ok", "INT-03")):
-        rig.inject(name, value=False)
+        rig.inject("input", "off", name=name)
         assert reaction_scans(rig, code) == 1, name
     rig.run(1.0)
     rig.engine.close()
@@ -142,10 +142,10 @@ def test_outputs_show_what_the_axis_does() -> None:
 def test_the_horn_sounds_where_a_closed_brake_lets_the_load_go() -> None:
     rig = BusRig(io_machine(changes={"plant.load.eccentricity_m": CHECK_M}), 90.0)
     rig.run(0.2)
-    rig.inject("brake_torque_share", value=0.02)
+    rig.inject("brake", "torque", share=0.02)
     rig.run(4.0)
     assert rig.levels["horn"], rig.told
-    rig.inject("brake_torque_share", value=1.0)
+    rig.node.faults.brake_torque_share = 1.0
     rig.engine.close()
 
 
@@ -226,7 +226,7 @@ def test_a_relay_takes_the_torque_of_a_drive_that_keeps_it(relay: bool) -> None:
     """D3: told after 0.2 s; no edges from then on, so the relay opens 0.1 s later. Without one the torque stays."""
     machine = io_machine(changes={"can.io.outputs.watchdog": 20} if relay else {})
     rig = BusRig(machine, 60.0).power_up()
-    rig.inject("stuck_state", value=True)
+    rig.inject("drive", "stuck_state")
     rig.command(power=False)
     rig.until(lambda: "DRV-03" in rig.codes, 3.0)
     rig.run(0.2)
@@ -316,7 +316,7 @@ def test_the_brake_does_not_wait_for_the_heartbeat_of_a_drive_off_the_bus(scan_m
     """
     rig = BusRig(io_machine(scan_ms, {"plant.load.eccentricity_m": CHECK_M}), 60.0).power_up()
     begun = len(rig.ticks)
-    rig.inject("silence", value=True)
+    rig.inject("frame", "drive_silent")
     rig.run(1.5)
     assert rig.stops[:2] == ["CAN-03", "CAN-06"], rig.told
     free_ms = sum(tick.brake_open and tick.state is State.FAULT for tick in rig.ticks[begun:])

@@ -92,7 +92,7 @@ def test_a_feedback_fault_that_begins_as_a_speed_telegram_is_lost_is_found(fault
     rig = BusRig(bus_machine("object_60FE")).power_up().cruise(6.0)
     begun = len(rig.ticks)
     rig.drop_telegram(SPEED_AND_INPUTS, 1)
-    rig.inject(fault, value=value)
+    setattr(rig.node.faults, fault, value)
     rig.run(4.0)
     assert rig.stops[0].startswith("ENC-"), rig.told
     assert rig.way_deg(begun - 1) < FEEDBACK_DEG[6.0]

@@ -42,7 +42,7 @@ class TestInMotion:
     def test_three_telegrams_of_a_wrong_length(self, owner: str, scan_ms: float, speed: float) -> None:
         rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)
         begun = len(rig.ticks)
-        rig.inject("tpdo", tpdo=1, kind="length", amount=3, count=5)
+        rig.spoil_telegrams(1, "length", 3, 5)
         rig.run(4.0)
         stopped(rig, begun, "CAN-04", QUICK_STOP_DEG[abs(speed)])
 
@@ -63,7 +63,7 @@ class TestInMotion:
     def test_another_mode(self, owner: str, scan_ms: float, speed: float) -> None:
         """6061 is asked for ten times a second; the drive follows meanwhile, so the way is one of the stop."""
         rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)
-        rig.inject("mode_display", value=3)
+        rig.inject("drive", "mode_display", mode=3)
         rig.until(lambda: bool(rig.codes), 0.13)
         begun = len(rig.ticks)
         rig.run(4.0)
@@ -72,7 +72,7 @@ class TestInMotion:
     def test_local_control(self, owner: str, scan_ms: float, speed: float) -> None:
         rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)
         begun = len(rig.ticks)
-        rig.inject("status_clear", value=0x200)
+        rig.inject("drive", "status", set=0, clear=0x200)
         rig.run(4.0)
         assert "bit 9" in rig.first_told
         stopped(rig, begun, "DRV-05", TORQUE_OFF_DEG[abs(speed)])
@@ -131,7 +131,7 @@ def test_a_drive_that_misses_its_commands_says_so() -> None:
     """E8: the drive's own deadline stops it, and the first alarm names the cause."""
     rig = BusRig(bus_machine()).power_up().cruise(3.0)
     begun = len(rig.ticks)
-    rig.inject("frame", can_id=0x202, kind="drop")
+    rig.inject("frame", "identifier", can_id=0x202, kind="drop")
     rig.run(4.0)
     assert "8250" in rig.first_told
     stopped(rig, begun, "CAN-05", QUICK_STOP_DEG[3.0])
@@ -150,7 +150,7 @@ def test_a_target_that_is_not_zero_keeps_the_drive_off() -> None:
 
 def test_another_mode_keeps_the_drive_off() -> None:
     rig = BusRig(bus_machine())
-    rig.inject("mode_display", value=1)
+    rig.inject("drive", "mode_display", mode=1)
     rig.run(1.0)
     assert rig.codes == ["DRV-06"]
     rig.command(power=True)

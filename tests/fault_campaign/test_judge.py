@@ -22,7 +22,6 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.load_side import Command, LoadSide
 from gantryctl.program.blocks.administration import Power
 from gantryctl.program.feedback import Feedback
@@ -175,25 +174,6 @@ def test_a_bug_is_found_where_the_judge_has_learned_of_other_axes(
     assert play(scene).ok
     plant(monkeypatch)
     assert invariant in {each.invariant for each in play(scene).violations}
-
-
-@pytest.mark.parametrize(("key_s", "found"), [(7.2, False), (8.8, True)])
-def test_a_move_that_comes_late_into_its_window_ends_there(
-    key_s: float, found: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The rotary table of axes 3113 comes into it at 6.95 s, 2.1 s behind its ramp; 1.5 s later a key is taken."""
-    deeds = (
-        Action(at_s=0.2, do="power"),
-        Action(at_s=3.4, do="move", target_deg=-114.936581, speed_deg_s=6.187),
-        Action(at_s=key_s, do="jog", speed_deg_s=18.561, for_s=0.2),
-    )
-    drawn = axis_scenario(1, 3113, None)
-    scene = drawn.model_copy(
-        update={"angle_deg": -119.324, "actions": deeds, "faults": (), "duration_s": key_s + 0.3}
-    )
-    assert play(scene).ok
-    monkeypatch.setattr(MotionCommands, "progress", lambda _: None)
-    assert any("has not ended" in each.text for each in play(scene).violations) is found
 
 
 def _lost_telegrams_end_a_hold(patch: pytest.MonkeyPatch) -> None:

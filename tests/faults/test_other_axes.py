@@ -14,7 +14,7 @@ from gantryctl.engineering.faults.limits import computed_deg, limit_deg
 from gantryctl.engineering.faults.oracle.limits import bounds_of
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.physics import friction_nm
-from gantryctl.engineering.faults.run import conditions_of, fault_machine, run_fault
+from gantryctl.engineering.faults.run import FaultRun, conditions_of, fault_machine, run_fault
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.codes import Code
@@ -28,7 +28,7 @@ def against(machine: Machine, number: str, oracle: Oracle) -> list[str]:
     oracle.bounds = bounds_of(machine)
     case = fault_case(number)
     try:
-        result = run_fault(case, machine=machine)
+        result = run_fault(FaultRun(case, machine))
     except UsageError as wrong:
         oracle.forget()
         # Friction holds the load of a small table: a brake that does not hold lets nothing go, and nobody notices it.
@@ -131,7 +131,7 @@ def test_a_limit_that_a_weak_brake_cannot_keep_is_told(oracle: Oracle) -> None:
     machine = axis_of("rotary_table")
     oracle.bounds = bounds_of(machine)
     weak = with_values(machine, {"plant.brake.torque_share": 0.2})
-    result = run_fault(fault_case("D1"), machine=weak)
+    result = run_fault(FaultRun(fault_case("D1"), weak))
     assert result.way_deg > limit_deg(machine, ReactionClass.TORQUE_OFF, machine.speed.setting_max_deg_s)
     assert oracle.caught("INV-1")
 
@@ -161,7 +161,7 @@ def test_a_late_brake_lets_the_wind_speed_a_telescope_up(
 
     monkeypatch.setattr(simulator, "plant_params", gale)
     oracle.bounds = bounds_of(machine)
-    run_fault(fault_case("C11"), machine=machine)
+    run_fault(FaultRun(fault_case("C11"), machine))
     (fast,) = oracle.caught("INV-3")
     assert "true speed" in fast.text
     oracle.violations.clear()

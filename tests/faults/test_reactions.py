@@ -16,7 +16,7 @@ from gantryctl.engineering.faults.bench import BrakeOwner
 from gantryctl.engineering.faults.case import FaultCase
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
 from gantryctl.engineering.faults.oracle.taps import Oracle
-from gantryctl.engineering.faults.run import DriveKind, run_fault
+from gantryctl.engineering.faults.run import DriveKind, FaultRun, run_fault
 from support.fault_rows import seen_by
 
 ANGLE_DEG = 90.0
@@ -83,12 +83,14 @@ def against(case: FaultCase, variants: Iterable[Variant]) -> list[str]:
         if variant.kind not in case.buses:
             continue
         result = run_fault(
-            case,
-            variant.speed_deg_s,
-            ANGLE_DEG,
-            variant.scan_ms,
-            variant.kind,
-            brake_owner=variant.brake_owner,
+            FaultRun(
+                case,
+                kind=variant.kind,
+                brake_owner=variant.brake_owner,
+                speed_deg_s=variant.speed_deg_s,
+                angle_deg=ANGLE_DEG,
+                scan_ms=variant.scan_ms,
+            )
         )
         found += [f"{variant.text}: {fault}" for fault in result.faults]
     return found
@@ -131,12 +133,21 @@ def test_a_fault_is_answered_at_every_scan_period_speed_and_drive(case: FaultCas
 @pytest.mark.parametrize("speed_deg_s", [0.6, 0.8, 3.0])
 def test_an_encoder_on_the_ring_shows_a_coupling_that_slips(speed_deg_s: float) -> None:
     """A tenth slips, so both encoders differ by 0.05 deg after half a degree; it is told 20 ms and some scans later."""
-    found = run_fault(fault_case("A17"), speed_deg_s, ANGLE_DEG, 4.0, "bus", beside=True)
+    found = run_fault(
+        FaultRun(
+            fault_case("A17"),
+            kind="bus",
+            beside=True,
+            speed_deg_s=speed_deg_s,
+            angle_deg=ANGLE_DEG,
+            scan_ms=4.0,
+        )
+    )
     assert found.first_out == "ENC-07"
     assert found.moments[0].time_s - found.onset_s <= 0.05 / (0.1 * speed_deg_s) + 0.020 + 3.0 * 0.004
     assert not found.position_valid
 
 
 def test_without_it_the_oracle_finds_the_wrong_angle(oracle: Oracle) -> None:
-    run_fault(fault_case("A17"), 0.8, ANGLE_DEG, 10.0)
+    run_fault(FaultRun(fault_case("A17"), speed_deg_s=0.8, angle_deg=ANGLE_DEG, scan_ms=10.0))
     assert oracle.caught("INV-7")

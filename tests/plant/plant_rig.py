@@ -10,6 +10,9 @@ from typing import Any
 import pytest
 
 from gantryctl._core import GantrySim
+from gantryctl.engineering.faults.inject import inject
+from gantryctl.engineering.faults.injection import injection
+from gantryctl.engineering.faults.kinds.kind import Value
 from gantryctl.image import DriveFeedback, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
@@ -18,6 +21,7 @@ from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine, build_program
 from gantryctl.wiring.simulator import sim_drive
+from support.fault_rows import target_of
 
 SCANS_MS = (1.0, 4.0, 10.0)
 AT_EVERY_SCAN_MS = pytest.mark.parametrize("scan_ms", [1.0, pytest.param(4.0, marks=pytest.mark.slow), 10.0])
@@ -83,6 +87,7 @@ class PlantRig:
         self.spoil: Callable[[DriveFeedback], DriveFeedback] | None = None
         read = self.drive.read
         self.drive.read = lambda: read() if self.spoil is None else self.spoil(read())
+        self._target = target_of(machine, self.drive, self.engine)
         self.onset_deg = 0.0
         self.reach_deg = 0.0
         self.torque_most_nm = self.brake_work_j = 0.0
@@ -135,6 +140,10 @@ class PlantRig:
     @property
     def feedback(self) -> DriveFeedback:
         return self.drive.read()
+
+    def inject(self, where: str, kind: str, /, **args: Value) -> None:
+        """Let a fault act, and tell it the oracle."""
+        inject(self._target, injection(where, kind, **args))
 
     def mark(self) -> None:
         """The onset of a fault: `reach_deg`, `torque_most_nm` and `brake_work_j` count from here."""

@@ -17,7 +17,7 @@ from gantryctl.engineering.faults.catalogue import fault_case
 from gantryctl.engineering.faults.injection import injection
 from gantryctl.engineering.faults.oracle.limits import bounds_of
 from gantryctl.engineering.faults.oracle.taps import Oracle
-from gantryctl.engineering.faults.run import run_fault
+from gantryctl.engineering.faults.run import FaultRun, run_fault
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.machine.places import reach_deg
@@ -63,7 +63,7 @@ def test_a_motor_that_turns_its_brake_is_taken_off_in_time(
     oracle.bounds = bounds_of(machine)
     speed = part * machine.speed.setting_max_deg_s
     for case in map(fault_case, ("C10", "C5")):
-        assert run_fault(case, speed_deg_s=speed, machine=machine).faults == ()
+        assert run_fault(FaultRun(case, machine, speed_deg_s=speed)).faults == ()
         assert seen_by(oracle, case) == []
 
 
@@ -73,7 +73,7 @@ def test_without_this_monitor_the_motor_turns_its_brake_for_a_second(
 ) -> None:
     """The liar: a controller that does not know a brake by its torque: 18 deg of 3.3 permitted."""
     monkeypatch.setattr(torque, "_GRIPS_SHARE", math.inf)
-    result = run_fault(fault_case("C10"), machine=at_scan("draft of gantry", scan_ms))
+    result = run_fault(FaultRun(fault_case("C10"), at_scan("draft of gantry", scan_ms)))
     assert result.way_deg > 3.0 * result.limit_deg
     assert any("permitted" in fault for fault in result.faults)
 
@@ -83,11 +83,11 @@ def test_without_this_monitor_the_motor_turns_its_brake_for_a_second(
 def test_a_brake_that_never_grips_is_no_brake_in_motion(scan_ms: float) -> None:
     """A brake that closes by itself and holds nothing leaves the axis as it is: no alarm, and the move ends."""
     never = replace(gripping(0.0), codes=(), instead=(), reaction=ReactionClass.NONE)
-    result = run_fault(never, machine=at_scan("draft of gantry", scan_ms))
+    result = run_fault(FaultRun(never, at_scan("draft of gantry", scan_ms)))
     assert "BRK-14" not in result.codes
     assert "BRK-05" not in result.codes
     # The liar: the same brake with three quarters of its torque.
-    assert run_fault(gripping(0.75), machine=at_scan("draft of gantry", scan_ms)).first_out == "BRK-14"
+    assert run_fault(FaultRun(gripping(0.75), at_scan("draft of gantry", scan_ms))).first_out == "BRK-14"
 
 
 def taps(name: str, scan_ms: float, *, grips: bool = False) -> list[str]:
@@ -113,7 +113,8 @@ def taps(name: str, scan_ms: float, *, grips: bool = False) -> list[str]:
         press(speed / machine.virtual_axis.acc_deg_s2 + 1.0, forward)
         for number in range(8):
             if grips and number == 4:
-                rig.faults.brake, rig.faults.brake_feedback = "closed", True
+                rig.inject("brake", "stuck", position="closed")
+                rig.inject("brake", "contact", open=True)
             rig.say(forward=False, reverse=False)
             rig.run(0.5 * swing_s)
             press(0.5 * swing_s, forward)

@@ -36,7 +36,9 @@ def test_a_brake_that_drags_is_told_and_stops_the_motion(scan_ms, drag_share, st
     rig = learned(scan_ms)
     rig.say(move=True, target_rad=rad(150.0), speed_rad_s=rad(3.0))
     rig.run(6.0)
-    rig.faults.brake, rig.faults.brake_feedback, rig.faults.brake_torque_share = "closed", True, drag_share
+    rig.inject("brake", "stuck", position="closed")
+    rig.inject("brake", "contact", open=True)
+    rig.inject("brake", "torque", share=drag_share)
     rig.run(4.0)
     assert rig.codes == ["BRK-02"]
     assert rig.axis.at_rest is stops
@@ -57,7 +59,9 @@ def test_before_it_has_learned_only_more_than_any_load_is_drag(scan_ms):
     rig.say(move=False)
     rig.run(12.0)
     assert not rig.codes
-    rig.faults.brake, rig.faults.brake_feedback, rig.faults.brake_torque_share = "closed", True, 0.4
+    rig.inject("brake", "stuck", position="closed")
+    rig.inject("brake", "contact", open=True)
+    rig.inject("brake", "torque", share=0.4)
     rig.run(3.0)
     assert rig.codes == ["BRK-02"]
 
@@ -83,7 +87,9 @@ def test_what_was_learned_serves_the_next_run():
     rig.say(move=True, target_rad=rad(100.0), speed_rad_s=rad(3.0))
     rig.run(8.0)
     assert not rig.codes
-    rig.faults.brake, rig.faults.brake_feedback, rig.faults.brake_torque_share = "closed", True, 0.15
+    rig.inject("brake", "stuck", position="closed")
+    rig.inject("brake", "contact", open=True)
+    rig.inject("brake", "torque", share=0.15)
     rig.run(4.0)
     assert rig.codes == ["BRK-02"]
 
@@ -95,7 +101,7 @@ def test_a_stop_by_the_brake_is_counted_with_its_energy(scan_ms, speed):
     rig.axis.power.wear.restore(998)
     rig.power_up(0.5)
     rig.cruise_to(60.0, speed, 1.0)
-    rig.faults.estop_ok = False
+    rig.inject("input", "off", name="estop_ok")
     rig.mark()
     rig.run(3.0)
     wear = rig.axis.power.wear
@@ -112,7 +118,7 @@ def test_a_stop_by_the_brake_is_counted_with_its_energy(scan_ms, speed):
     rig.say(power=False)
     rig.power_up(0.5)
     rig.cruise_to(rig.motor_deg - 30.0, speed, -1.0)
-    rig.faults.estop_ok = False
+    rig.inject("input", "off", name="estop_ok")
     rig.run(3.0)
     assert wear.stops == 2
     assert "BRK-09" in rig.codes
@@ -122,6 +128,6 @@ def test_a_stop_by_the_brake_is_counted_with_its_energy(scan_ms, speed):
 def test_torque_off_at_standstill_wears_nothing():
     rig = PlantRig(machine_at(1.0), 60.0)
     rig.power_up(0.5)
-    rig.faults.estop_ok = False
+    rig.inject("input", "off", name="estop_ok")
     rig.run(2.0)
     assert rig.axis.power.wear.stops == 0

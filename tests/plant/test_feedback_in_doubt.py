@@ -107,7 +107,7 @@ def test_who_is_wrong_about_the_direction(who: str, old_torque: bool, direction:
     if who == "encoder":
         rig.sim.encoder_gain = -1.0
     else:
-        rig.drive.faults.command_sign = -1.0
+        rig.inject("drive", "sign")
     assert rig.way_to_rest() <= FEEDBACK_LIMIT_DEG[max(speed, 1.0)]
     assert rig.axis.feedback.in_doubt is (old_torque or who == "encoder"), rig.texts
 
@@ -177,7 +177,7 @@ def test_a_quick_stop_with_little_torque_is_no_wrong_sign(
     rig.cruise(speed)
     rig.say(quick_stop=True)
     rig.run(0.3 * speed / 5.4)
-    rig.drive.faults.torque_limit_share = torque
+    rig.inject("drive", "torque_limit", share=torque)
     rig.run(3.0)
     assert rig.first_alarm is not None
     assert Code.DRV_07 in {alarm.code for alarm in rig.first_alarm.consequences}
@@ -191,10 +191,10 @@ def test_an_encoder_that_is_spoilt_while_the_gear_untwists_is_told(gain: float) 
     rig.cruise(6.0)
     rig.say(quick_stop=True)
     rig.run(0.1)
-    rig.drive.faults.torque_limit_share = 0.02
+    rig.inject("drive", "torque_limit", share=0.02)
     rig.run(0.02)
     assert not rig.axis.feedback.in_doubt
-    rig.faults.encoder_gain = gain
+    rig.inject("encoder", "gain", value=gain)
     rig.run(0.03)
     assert rig.axis.feedback.in_doubt
 
@@ -268,9 +268,9 @@ def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: 
     if stop == "quick stop":
         rig.say(quick_stop=True)
     elif stop == "torque off":
-        rig.drive.faults.estop_ok = False
+        rig.inject("input", "off", name="estop_ok")
     else:
-        rig.drive.faults.brake = "closed"
+        rig.inject("brake", "stuck", position="closed")
     rig.run(5.0)
     assert not rig.axis.feedback.in_doubt, rig.texts
     assert rig.axis.feedback.position_valid
@@ -289,9 +289,10 @@ def test_an_encoder_that_freezes_while_nothing_holds_a_slow_axis_is_told_as_the_
     rig.power_up(0.5)
     rig.say(move=True, target_rad=rad(-20.0), speed_rad_s=rad(3.0))
     rig.until(lambda: rig.motor_deg_s > 0.17)
-    rig.faults.estop_ok, rig.faults.brake_close_slow_s = False, 0.045
+    rig.inject("input", "off", name="estop_ok")
+    rig.inject("brake", "slow", late_s=0.045)
     rig.run(0.052)
-    rig.faults.encoder_gain = 0.0 if frozen else 1.0
+    rig.inject("encoder", "gain", value=0.0 if frozen else 1.0)
     told_deg = deg(rig.axis.pos_act_rad)
     rig.until(lambda: rig.phase is PowerPhase.OFF)
     assert rig.axis.feedback.in_doubt is frozen, rig.texts
@@ -310,9 +311,9 @@ def test_a_sign_that_turns_between_no_torque_and_no_brake_yet_is_seen(
     """110 ms before the brake: wrong by more than 0.05 deg, which only the next power-up would tell."""
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
     cruise_slowly(rig, speed, 1.0)
-    rig.faults.mains_ready = False
+    rig.inject("input", "off", name="mains_ready")
     rig.run(0.04)
-    rig.faults.encoder_gain = -1.0 if turns else 1.0
+    rig.inject("encoder", "gain", value=-1.0 if turns else 1.0)
     rig.until(lambda: rig.phase is PowerPhase.OFF)
     assert (Code.ENC_14 in rig.axis.alarms.active) is turns, rig.texts
     assert rig.axis.feedback.in_doubt is turns
@@ -329,7 +330,7 @@ def test_an_encoder_that_froze_before_the_way_down_is_seen_as_the_torque_goes(
     """34 N m go to a brake that gives way by 20 counts and more (182 sound ways down); before, nothing asked."""
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), at_deg)
     rig.power_up()
-    rig.faults.encoder_gain = 0.0 if frozen else 1.0
+    rig.inject("encoder", "gain", value=0.0 if frozen else 1.0)
     rig.run(0.05)
     rig.say(quick_stop=True)
     rig.run(2.0)
@@ -355,8 +356,9 @@ def test_an_encoder_that_freezes_as_a_resting_axis_loses_its_torque_is_told(
         rig.until(lambda: rig.phase is PowerPhase.UNLOADING)
     torque_nm = abs(rig.axis.feedback.torque_nm)
     assert torque_nm > 34.0
-    rig.faults.estop_ok, rig.faults.brake_close_slow_s = False, 0.12
-    rig.faults.encoder_gain = 0.0 if frozen else 1.0
+    rig.inject("input", "off", name="estop_ok")
+    rig.inject("brake", "slow", late_s=0.12)
+    rig.inject("encoder", "gain", value=0.0 if frozen else 1.0)
     rig.run(0.08)
     assert rig.axis.feedback.in_doubt is frozen, rig.texts
     assert (Code.ENC_02 in rig.axis.alarms.active) is frozen
@@ -372,7 +374,7 @@ def test_a_load_that_sinks_is_told_while_the_speed_is_absurd(oracle: Oracle) -> 
     """Brake without torque and a speed of 1e300 in one scan: after 1.5 s of a stop without a reading, and 0.02 deg."""
     rig = PlantRig(machine_at(10.0, CHECK_NM), 60.0)
     rig.power_up()
-    rig.faults.brake_torque_share = 0.0
+    rig.inject("brake", "torque", share=0.0)
     rig.spoil = lambda drive: drive._replace(vel_act_rad_s=1e300)
     rig.mark()
     rig.until(lambda: Code.BRK_04 in rig.axis.alarms.active, 3.0)
@@ -390,7 +392,7 @@ def test_an_emergency_stop_with_a_doubtful_reading_tells_no_angle() -> None:
     rig.cruise(3.0)
     rig.spoil = lambda drive: drive._replace(vel_act_rad_s=1e300)
     rig.step()
-    rig.drive.faults.estop_ok = False
+    rig.inject("input", "off", name="estop_ok")
     rig.step()
     assert rig.axis.alarms.active[Code.INT_03].values["measured"] is Words.AT_UNKNOWN
     assert "not known" in rig.axis.alarms.active[Code.INT_03].text

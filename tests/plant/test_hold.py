@@ -15,13 +15,12 @@ CAUGHT_DEG = 0.15
 MOMENTS_NM = (16_000.0, CHECK_NM)
 
 
-def slipping(scan_ms: float, moment_nm: float, **faults: object) -> PlantRig:
+def slipping(scan_ms: float, moment_nm: float) -> PlantRig:
     """At rest, power off, at the worst angle; then the brake has next to no torque any more."""
     rig = PlantRig(machine_at(scan_ms, moment_nm), holding_nm=moment_nm / 1144.0)
     rig.run(0.3)
     rig.mark()
-    for name, value in (faults | {"brake_torque_share": 0.001}).items():
-        setattr(rig.faults, name, value)
+    rig.inject("brake", "torque", share=0.001)
     return rig
 
 
@@ -29,7 +28,8 @@ def slipping(scan_ms: float, moment_nm: float, **faults: object) -> PlantRig:
 @pytest.mark.parametrize("moment_nm", MOMENTS_NM)
 @pytest.mark.parametrize("torque_share", [1.0, 0.3])
 def test_a_sound_hold_catches_the_load_and_does_not_say_that_it_moves(scan_ms, moment_nm, torque_share):
-    rig = slipping(scan_ms, moment_nm, torque_limit_share=torque_share)
+    rig = slipping(scan_ms, moment_nm)
+    rig.inject("drive", "torque_limit", share=torque_share)
     rig.run(5.0)
     assert rig.codes == ["BRK-04"], "caught at up to 0.21 deg/s, which is no load that moves"
     assert rig.phase is PowerPhase.TORQUE_HOLD
@@ -44,7 +44,7 @@ def test_a_brake_that_slips_behind_a_stop_of_the_engine_is_caught():
     rig.engine.system_stop = SystemStop(StopCause.FROZEN, 0.2, 0.05, rig.engine.time_s)
     rig.run(1.0)
     rig.mark()
-    rig.faults.brake_torque_share = 0.001
+    rig.inject("brake", "torque", share=0.001)
     rig.run(5.0)
     assert rig.codes == ["SYS-03", "BRK-04"]
     assert rig.phase is PowerPhase.TORQUE_HOLD
@@ -53,7 +53,8 @@ def test_a_brake_that_slips_behind_a_stop_of_the_engine_is_caught():
 
 @AT_EVERY_SCAN_MS
 def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms, oracle):
-    rig = slipping(scan_ms, CHECK_NM, torque_limit_share=0.05)
+    rig = slipping(scan_ms, CHECK_NM)
+    rig.inject("drive", "torque_limit", share=0.05)
     rig.until(lambda: "BRK-13" in rig.codes, 5.0)
     assert rig.reach_deg < CAUGHT_DEG
     assert rig.engine.output.horn
@@ -69,7 +70,8 @@ def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms
 @pytest.mark.parametrize("moment_nm", MOMENTS_NM)
 def test_torque_that_drives_the_load_goes_off(scan_ms, moment_nm):
     """The encoder turns the wrong way round, for the drive's own loop too: 400 deg without this."""
-    rig = slipping(scan_ms, moment_nm, encoder_gain=-1.0)
+    rig = slipping(scan_ms, moment_nm)
+    rig.inject("encoder", "gain", value=-1.0)
     rig.until(lambda: "BRK-13" in rig.codes, 5.0)
     assert rig.reach_deg < CAUGHT_DEG
     assert rig.engine.output.request is DriveRequest.DISABLE
@@ -88,7 +90,7 @@ def test_no_torque_by_itself_after_feedback_or_drive_were_in_doubt(scan_ms, code
     rig = slipping(scan_ms, CHECK_NM)
     rig.axis.alarms.raise_(code)
     if code is Code.ENC_05:
-        rig.faults.encoder_flags = 2
+        rig.inject("encoder", "flags", bits=2)
     rig.until(lambda: "BRK-13" in rig.codes, 5.0)
     assert "BRK-04" in rig.codes
     assert rig.reach_deg < CAUGHT_DEG + 0.1, "a doubted reading is believed 50 ms later"
@@ -99,7 +101,8 @@ def test_no_torque_by_itself_after_feedback_or_drive_were_in_doubt(scan_ms, code
 
 @AT_EVERY_SCAN_MS
 def test_a_slip_with_the_emergency_stop_open_is_told_and_not_held(scan_ms, oracle):
-    rig = slipping(scan_ms, CHECK_NM, estop_ok=False)
+    rig = slipping(scan_ms, CHECK_NM)
+    rig.inject("input", "off", name="estop_ok")
     rig.run(1.0)
     assert rig.codes == ["INT-03", "BRK-04", "BRK-13"]
     assert "Torque kept" not in rig.axis.alarms.active[Code.BRK_04].text

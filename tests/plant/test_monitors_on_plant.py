@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from gantryctl.image import DriveRequest, DriveState, EncoderFlag
+from gantryctl.engineering.faults.kinds.kind import Value
+from gantryctl.image import DriveRequest, EncoderFlag
 from gantryctl.program import PowerPhase, Reaction
 from gantryctl.units import deg, rad
 from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, NOMINAL_NM, PlantRig, machine_at
@@ -45,20 +46,17 @@ class Row:
     moment_nm: float = NOMINAL_NM
 
 
-def fault(name: str, value: object) -> Callable[[PlantRig, float], None]:
-    return lambda rig, _: setattr(rig.drive.faults, name, value)
+def fault(where: str, kind: str, **args: Value) -> Callable[[PlantRig, float], None]:
+    return lambda rig, _: rig.inject(where, kind, **args)
 
 
 def limit_switch(rig: PlantRig, direction: float) -> None:
-    setattr(rig.drive.faults, "limit_plus_ok" if direction > 0.0 else "limit_minus_ok", False)
+    rig.inject("input", "off", name="limit_plus_ok" if direction > 0.0 else "limit_minus_ok")
 
 
 def both_switches(rig: PlantRig, _: float) -> None:
-    rig.drive.faults.limit_plus_ok = rig.drive.faults.limit_minus_ok = False
-
-
-def leaves_enable(rig: PlantRig, _: float) -> None:
-    rig.drive.state = DriveState.SWITCH_ON_DISABLED
+    rig.inject("input", "off", name="limit_plus_ok")
+    rig.inject("input", "off", name="limit_minus_ok")
 
 
 def error_seen(extra_deg: float) -> Callable[[PlantRig, float], None]:
@@ -102,22 +100,40 @@ def travel_ends(ahead_deg: float) -> Callable[[PlantRig, float], None]:
 QS, TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
 ROWS = (
     Row("following error", error_seen(0.06), "CTL-03", QS, 0.010, QUICK_DEG),
-    Row("velocity deviation", fault("command_sign", -1), "CTL-05", TO, 0.060, FEEDBACK_DEG),
+    Row("velocity deviation", fault("drive", "sign"), "CTL-05", TO, 0.060, FEEDBACK_DEG),
     Row("overspeed", shows_too_fast, "CTL-04", QS, 0.030, QUICK_DEG),
     Row("over-travel", travel_ends(-0.001), "LIM-02", QS, 0.0, QUICK_DEG),
     Row("stop point", travel_ends(0.05), "CTL-10", QS, 0.0, QUICK_DEG),
     Row("standstill lost", error_seen(0.025), "CTL-13", QS, 0.010, 0.02, True),
-    Row("torque limit", fault("torque_limit_share", 0.05), "CTL-07", TO, 0.4, OFF_DEG, False, CHECK_NM),
-    Row("brake closes", fault("brake", "closed"), "BRK-05 BRK-14", None, 0.3, OFF_DEG),
+    Row(
+        "torque limit",
+        fault("drive", "torque_limit", share=0.05),
+        "CTL-07",
+        TO,
+        0.4,
+        OFF_DEG,
+        False,
+        CHECK_NM,
+    ),
+    Row("brake closes", fault("brake", "stuck", position="closed"), "BRK-05 BRK-14", None, 0.3, OFF_DEG),
     Row("limit switch", limit_switch, "LIM-03", QS, 0.0, QUICK_DEG),
     Row("both limit switches", both_switches, "LIM-04", QS, 0.0, QUICK_DEG),
-    Row("drive fault", lambda rig, _: rig.drive.trip(0x2310), "DRV-01", TO, 0.0, OFF_DEG),
-    Row("drive leaves enable", leaves_enable, "DRV-04", TO, 0.0, OFF_DEG),
-    Row("mains", fault("mains_ready", False), "PWR-01", TO, 0.0, OFF_DEG),
-    Row("emergency stop", fault("estop_ok", False), "INT-03", TO, 0.0, OFF_DEG),
-    Row("collision", fault("collision_ok", False), "INT-01", QS, 0.0, QUICK_DEG),
-    Row("encoder alarm", fault("encoder_flags", int(EncoderFlag.ALARM)), "ENC-05", TO, 0.0, FEEDBACK_DEG),
-    Row("encoder frozen", fault("encoder_gain", 0.0), "ENC-02 ENC-14 BRK-14", TO, 0.050, FEEDBACK_DEG),
+    Row("drive fault", fault("drive", "trip", code=0x2310), "DRV-01", TO, 0.0, OFF_DEG),
+    Row("drive leaves enable", fault("drive", "leaves_enabled"), "DRV-04", TO, 0.0, OFF_DEG),
+    Row("mains", fault("input", "off", name="mains_ready"), "PWR-01", TO, 0.0, OFF_DEG),
+    Row("emergency stop", fault("input", "off", name="estop_ok"), "INT-03", TO, 0.0, OFF_DEG),
+    Row("collision", fault("input", "off", name="collision_ok"), "INT-01", QS, 0.0, QUICK_DEG),
+    Row(
+        "encoder alarm",
+        fault("encoder", "flags", bits=int(EncoderFlag.ALARM)),
+        "ENC-05",
+        TO,
+        0.0,
+        FEEDBACK_DEG,
+    ),
+    Row(
+        "encoder frozen", fault("encoder", "gain", value=0.0), "ENC-02 ENC-14 BRK-14", TO, 0.050, FEEDBACK_DEG
+    ),
 )
 
 

@@ -46,7 +46,7 @@ def in_phase(phase: PowerPhase, scan_ms: float, share: int) -> PlantRig:
         rig.say(quick_stop=True)
     elif phase is PowerPhase.TORQUE_OFF:
         rig.until(lambda: rig.phase is PowerPhase.ON, 5.0)
-        rig.faults.estop_ok = False
+        rig.inject("input", "off", name="estop_ok")
     rig.until(lambda: rig.phase is phase, LONGEST_S)
     for _ in range(share * {1.0: 12, 4.0: 3, 10.0: 1}[scan_ms]):
         if rig.phase is phase:
@@ -92,7 +92,7 @@ def test_a_quick_stop_that_is_not_obeyed_shows_at_any_speed(speed: float, scan_m
     rig.power_up()
     rig.say(move=True, target_rad=rad(120.0), speed_rad_s=rad(3.0))
     rig.until(lambda: rig.motor_deg_s >= speed)
-    rig.faults.quick_stop_off = True
+    rig.inject("drive", "quick_stop_off")
     rig.mark()
     rig.say(quick_stop=True)
     rig.run(3.0)
@@ -109,7 +109,7 @@ def test_a_contact_that_lies_at_power_up_takes_no_torque_off_before_the_brake(sc
     """It says open for a moment; the way down is the one behind the closed brake all the same (INV-6, the oracle)."""
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 90.0, holding_nm=44.0)
     rig.run(0.2)
-    rig.faults.brake_feedback = True
+    rig.inject("brake", "contact", open=True)
     rig.say(power=True)
     rig.run(0.1)
     rig.faults.brake_feedback = None
@@ -128,7 +128,8 @@ def test_a_contact_that_was_wrong_tells_no_time_of_the_brake(scan_ms: float) -> 
     """Closed by itself with a contact that says open, which is right again half a second later."""
     rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
     rig.cruise(1.0)
-    rig.faults.brake, rig.faults.brake_feedback = "closed", True
+    rig.inject("brake", "stuck", position="closed")
+    rig.inject("brake", "contact", open=True)
     rig.until(lambda: rig.first == "BRK-14", 2.0)
     rig.run(0.5)
     rig.faults.brake = rig.faults.brake_feedback = None

@@ -34,7 +34,7 @@ class LyingTorque:
             return sound()._replace(torque_act_nm=self.torque_nm)
 
         rig.drive.read = read
-        rig.faults.no_torque = True
+        rig.inject("drive", "no_torque")
 
     def scan(self) -> None:
         error = self._rig.axis.vel_cmd_rad_s - self._rig.feedback.vel_act_rad_s
@@ -65,9 +65,10 @@ def fail(rig: PlantRig, fault: str, speed: float, small: bool) -> float:
     if fault == "lies":
         lying = LyingTorque(rig)
     elif fault == "lost":
-        rig.faults.no_torque = True
+        rig.inject("drive", "no_torque")
     else:
-        rig.faults.brake, rig.faults.brake_feedback = "closed", True
+        rig.inject("brake", "stuck", position="closed")
+        rig.inject("brake", "contact", open=True)
     start, still = rig.motor_deg, 0
     while still * rig.axis.settings.period_s < 0.3:
         rig.step()
@@ -101,7 +102,8 @@ def test_a_motor_started_against_a_closed_brake_gives_up_early(scan_ms, angle_de
     """C1 with a contact that says open: at most 110 % of rated torque, 0.5 s, 0.02 deg."""
     rig = PlantRig(machine_at(scan_ms), angle_deg)
     rig.power_up(1.0)
-    rig.faults.brake, rig.faults.brake_feedback = "closed", True
+    rig.inject("brake", "stuck", position="closed")
+    rig.inject("brake", "contact", open=True)
     rig.run(1.0)
     rig.mark()
     rig.say(move=True, target_rad=rad(angle_deg + sign * 30.0), speed_rad_s=rad(6.0))
@@ -117,7 +119,7 @@ def test_a_motor_started_against_a_closed_brake_gives_up_early(scan_ms, angle_de
 def test_a_brake_that_does_not_open_is_not_fought(scan_ms, moment_nm):
     """C1 with a sound contact: the drive stands at zero speed and gives no more than the proof and the preload."""
     rig = PlantRig(machine_at(scan_ms, moment_nm), 90.0, holding_nm=moment_nm / 1144.0)
-    rig.faults.brake = "closed"
+    rig.inject("brake", "stuck", position="closed")
     rig.mark()
     rig.say(power=True)
     rig.until(lambda: rig.first != "", 2.0)
@@ -132,7 +134,7 @@ def test_torque_lost_at_standstill_lets_the_load_go_by_no_more_than_a_brake_that
         rig = PlantRig(machine_at(scan_ms, CHECK_NM), 90.0, holding_nm=44.0)
         rig.power_up(1.0)
         rig.mark()
-        rig.faults.no_torque = True
+        rig.inject("drive", "no_torque")
         rig.run(1.0)
         assert rig.first == "DRV-13"
         assert rig.reach_deg < 0.15

@@ -16,9 +16,10 @@ def test_speed_alone_finds_it_later(fault, moment_nm, speed, scan_ms, oracle):
     rig.cruise_to(90.0, speed, 1.0)
     rig.mark()
     if fault == "lost":
-        rig.faults.no_torque = True
+        rig.inject("drive", "no_torque")
     else:
-        rig.faults.brake, rig.faults.brake_feedback = "closed", True
+        rig.inject("brake", "stuck", position="closed")
+        rig.inject("brake", "contact", open=True)
     rig.until(lambda: rig.first != "", 5.0)
     rig.rest(10.0)
     assert rig.first in ("CTL-03", "CTL-05", "CTL-07")

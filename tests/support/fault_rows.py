@@ -1,10 +1,25 @@
-"""What the oracle sees in a run of a row of the fault catalogue."""
+"""Faults in tests: on what they act, and what the oracle sees in a run of a row of the catalogue."""
 
 from __future__ import annotations
 
+from gantryctl.drives.simulated import SimDrive
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.group import Neighbours
 from gantryctl.engineering.faults.case import FaultCase
 from gantryctl.engineering.faults.oracle.excused import EXCUSED
 from gantryctl.engineering.faults.oracle.taps import Oracle
+from gantryctl.engineering.faults.target import StallingClock, Target
+from gantryctl.machine import Machine
+from gantryctl.runtime import Engine, FixedOperator
+
+
+def target_of(
+    machine: Machine, device: SimDrive | DriveNode, engine: Engine, neighbours: Neighbours | None = None
+) -> Target:
+    """The axis of a test, for every fault but those of the clock."""
+    assert isinstance(engine.operator, FixedOperator)
+    clock = StallingClock(engine.period_s)
+    return Target(machine, device, engine, engine.operator, clock, neighbours or Neighbours())
 
 
 def seen_by(oracle: Oracle, case: FaultCase) -> list[str]:

@@ -8,6 +8,9 @@ from dataclasses import replace
 
 import pytest
 
+from gantryctl.engineering.faults.inject import inject
+from gantryctl.engineering.faults.injection import injection
+from gantryctl.engineering.faults.kinds.kind import Value
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, Mode, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.codes import Code
@@ -23,6 +26,7 @@ from gantryctl.program.monitors.recovery import StopRecord
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import rad
 from gantryctl.wiring.engine import build_engine, drive_of
+from support.fault_rows import target_of
 from support.modulo_machine import modulo_machine
 
 RATIO = default_machine().axis.ratio
@@ -37,6 +41,10 @@ class Bench:
         self.machine: Machine = with_values(machine or default_machine(), values)
         self.drive = drive_of(self.machine, at_deg)
         self.engine: Engine = build_engine(self.machine, self.drive)
+
+    def inject(self, where: str, kind: str, /, **args: Value) -> None:
+        """Let a fault act, and tell it the oracle."""
+        inject(target_of(self.machine, self.drive, self.engine), injection(where, kind, **args))
 
     def op(self, **levels: object) -> None:
         operator = self.engine.operator
@@ -92,7 +100,7 @@ def silent_bus(speed_deg_s: float, **changes: object) -> Bench:
 
 def a_brake_without_strength(_: pytest.MonkeyPatch) -> None:
     bench = Bench(plant__brake__torque_share=0.3).moving()
-    bench.drive.faults.estop_ok = False
+    bench.inject("input", "off", name="estop_ok")
     bench.engine.run_for(3.0)
 
 
@@ -354,7 +362,7 @@ def frozen_at_rest() -> Bench:
     bench = Bench(plant__load__eccentricity_m=0.025, **ramps).moving()
     virtual = bench.engine.program.axis.virtual
     assert bench.engine.run_until(lambda _: virtual.at_rest, 15.0)
-    bench.drive.faults.encoder_gain = 0.0
+    bench.inject("encoder", "gain", value=0.0)
     bench.engine.run_for(2.0)
     return bench
 
@@ -370,8 +378,8 @@ def a_quick_stop_that_loses_its_torque(patch: pytest.MonkeyPatch) -> None:
     bench.op(quick_stop=True)
     bench.engine.run_for(0.2)
     patch.setattr(AlarmLog, "raise_", lambda *_, **__: None)
-    bench.drive.faults.brake_torque_share = 0.6
-    bench.drive.faults.estop_ok = False
+    bench.inject("brake", "torque", share=0.6)
+    bench.inject("input", "off", name="estop_ok")
     bench.engine.run_for(3.0)
 
 

@@ -10,15 +10,18 @@ from types import SimpleNamespace
 import pytest
 
 from gantryctl.engineering.faults.oracle import limits
+from gantryctl.engineering.faults.oracle.asked import Asked
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import Mode, OutputImage
+from gantryctl.machine import default_machine
 from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import Alarm
+from gantryctl.program.alarms.log import Alarm, Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import rad
+from gantryctl.wiring.program import axis_settings
 from unit.oracle_liars import LIARS, RATIO, Bench, Between, frozen_at_rest, silent_bus, turning
 
 
@@ -117,7 +120,7 @@ def test_an_emergency_stop_within_a_quick_stop_is_passed(oracle: Oracle) -> None
     bench = Bench().moving(2.0)
     bench.op(quick_stop=True)
     bench.engine.run_for(0.15)
-    bench.drive.faults.estop_ok = False
+    bench.inject("input", "off", name="estop_ok")
     bench.engine.run_for(3.0)
     assert not oracle.violations
 
@@ -158,6 +161,26 @@ def test_a_stop_that_goes_on_without_the_controller_has_its_true_times() -> None
     assert list(judge_words(stop.alarm, stop, axis)) == []
     stop.alarm.steps = (Words.BRAKE_CLOSED_AFTER(time_ms=100.0),)
     assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 100 ms is told, true 200 ms"]
+
+
+@pytest.mark.parametrize(("key_ms", "found"), [(4200, False), (4800, True)])
+def test_a_move_that_comes_late_into_its_window_ends_there(key_ms: int, found: bool) -> None:
+    """Beside its window until 3.2 s, as friction kept a rotary table: a key is refused until 4.7 s at most."""
+    settings = axis_settings(default_machine())
+    window = settings.monitors.in_position_window_rad * RATIO
+    asked = Asked(settings, settled=window, told=10.0 * window, sag=window)
+
+    def take(now: int, refused: Refusal | None = None, **levels: object) -> str:
+        op = asked.levels._replace(**levels)
+        ramps = settings.ramps
+        return asked.take(op, now, 0.0, 0.0, moves=False, refused=refused, in_force=ramps)
+
+    take(0, power=True)
+    take(1000, move=True, target_rad=0.0)
+    for now in range(1001, key_ms):
+        asked.perhaps_arrived(now, 1.5 * window if now < 3200 else 0.5 * window)
+    told = take(key_ms, refusal(Code.CTL_14, reason=Words.JOG_FROM_REST), forward=True)
+    assert ("has not ended" in told) is found
 
 
 @pytest.mark.parametrize(

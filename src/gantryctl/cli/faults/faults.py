@@ -111,7 +111,7 @@ def run(
 
     Exit code 1 when something is not as it must be.
     """
-    from gantryctl.engineering.faults.run import run_fault
+    from gantryctl.engineering.faults.run import FaultRun, run_fault
     from gantryctl.engineering.faults.text import result_data, result_lines
     from gantryctl.files import check_place
 
@@ -120,14 +120,16 @@ def run(
         check_place(out)
     case = _case(number, file)
     result = run_fault(
-        case,
-        speed,
-        angle,
-        scan,
-        "bus" if bus else "sim",
-        brake_owner="object_60FE" if brake_owner == "object_60FE" else "drive",
-        eccentric_knm=moment,
-        machine=None if config_file is None else machine_of(config_file),
+        FaultRun(
+            case,
+            machine=None if config_file is None else machine_of(config_file),
+            kind="bus" if bus else "sim",
+            brake_owner="object_60FE" if brake_owner == "object_60FE" else "drive",
+            speed_deg_s=speed,
+            angle_deg=angle,
+            scan_ms=scan,
+            eccentric_knm=moment,
+        )
     )
     title = f"{case.number}: {case.title}"
     if out is not None:

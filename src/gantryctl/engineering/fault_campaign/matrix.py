@@ -13,15 +13,13 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 from gantryctl.engineering.fault_campaign.judging.judge import STOPPING
-from gantryctl.engineering.fault_campaign.judging.tell import plant_of, tell
 from gantryctl.engineering.fault_campaign.judging.ways import seen_in_motion
-from gantryctl.engineering.faults.bench import BrakeOwner, FaultBench
+from gantryctl.engineering.faults.bench import BrakeOwner
 from gantryctl.engineering.faults.case import FaultCase, Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE
-from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.oracle.excused import EXCUSED
 from gantryctl.engineering.faults.oracle.taps import Oracle, tapped, watching
-from gantryctl.engineering.faults.run import DriveKind, FaultResult, run_fault
+from gantryctl.engineering.faults.run import DriveKind, FaultResult, FaultRun, run_fault
 from gantryctl.errors import ConfigError, UsageError
 from gantryctl.program.alarms.codes import Code
 
@@ -127,23 +125,18 @@ def run_cell(at: Cell) -> dict[str, Any]:
         return about
     own = at.phase is at.case.phase
     case = replace(at.case, phase=at.phase, judged=at.case.judged and own)
-    with tapped(), watching(Oracle(sees_faults=False)) as oracle:
-
-        def told(bench: FaultBench, each: Injection) -> None:
-            axis = oracle.axes.get(id(plant_of(bench)))
-            if axis is not None:
-                tell(axis, each, bench)
-
+    with tapped(), watching(Oracle()) as oracle:
         try:
             result = run_fault(
-                case,
-                at.speed_deg_s,
-                at.angle_deg,
-                at.scan_ms,
-                at.drive,
-                brake_owner=at.brake_owner,
-                beside=at.beside,
-                injected=told,
+                FaultRun(
+                    case,
+                    kind=at.drive,
+                    brake_owner=at.brake_owner,
+                    beside=at.beside,
+                    speed_deg_s=at.speed_deg_s,
+                    angle_deg=at.angle_deg,
+                    scan_ms=at.scan_ms,
+                )
             )
         except UsageError as wrong:
             return about | {"refused": _reason(str(wrong))}

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from gantryctl.engineering.fault_campaign.judging.judge import Judge
-from gantryctl.engineering.fault_campaign.judging.tell import load_share, plant_of, tell
 from gantryctl.engineering.fault_campaign.machines import KEEPS_RAMPS_DEG_S, machine_of
 from gantryctl.engineering.fault_campaign.person import changes_of
 from gantryctl.engineering.fault_campaign.scenario import Action, Scenario
@@ -19,6 +18,7 @@ from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violatio
 from gantryctl.engineering.faults.oracle.excused import EXCUSED
 from gantryctl.engineering.faults.oracle.limits import bounds_of, reference_bounds
 from gantryctl.engineering.faults.oracle.taps import Oracle, tapped, watching
+from gantryctl.engineering.faults.oracle.tell import load_share
 from gantryctl.errors import ConfigError, GantryctlError, UsageError
 from gantryctl.image import Mode
 
@@ -80,7 +80,7 @@ def play(scenario: Scenario, *, record: bool = False) -> Played:
     """
     played = Played(scenario)
     # A drive on a bus moves its time on while it is opened: the oracle watches from there.
-    with tapped(), watching(Oracle(sees_faults=False)) as oracle:
+    with tapped(), watching(Oracle()) as oracle:
         try:
             machine = machine_of(scenario)
             oracle.bounds = bounds_of(machine) if scenario.template else reference_bounds(machine)
@@ -107,7 +107,7 @@ class _Run:
 
     def go(self, record: bool) -> None:
         bench, scenario = self._bench, self._scenario
-        device, plant = bench.device, plant_of(bench)
+        device, plant = bench.device, bench.target.plant
         bench.injected = self._injected
         bench.command(mode=Mode.CONTINUOUS)
         bench.inject(tuple(each for fault in scenario.faults for each in fault.injections()))
@@ -141,7 +141,7 @@ class _Run:
                 judge.scan(pos, vel_true)
                 watched = self._axis
                 if watched is not None and watched.known.load_share is not None and not self._unholdable:
-                    self._unholdable = load_share(bench, pos) > _HOLDABLE_SHARE
+                    self._unholdable = load_share(bench.target, pos) > _HOLDABLE_SHARE
                 if len(axis.alarms.history) != self._alarms:
                     self._tell_alarms()
         except GantryctlError as stop:
@@ -157,8 +157,6 @@ class _Run:
         bench = self._bench
         self._played.events.append(Event(bench.time_s, f"fault: {each.text}"))
         self._judge.injected(each)
-        if self._axis is not None:
-            tell(self._axis, each, bench)
 
     def _tell_alarms(self) -> None:
         history = list(self._bench.axis.alarms.history)

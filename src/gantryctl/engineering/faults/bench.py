@@ -16,6 +16,7 @@ from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.nodes.group import Neighbours
 from gantryctl.engineering.faults.case import Phase
+from gantryctl.engineering.faults.inject import inject
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.target import StallingClock, Target
 from gantryctl.errors import UsageError
@@ -325,7 +326,7 @@ class FaultBench:
                 if self.onset_s is None:
                     self.onset_s = self.time_s
                 self.injected(each)
-                end = each.row.act(self.target, **each.values)
+                end = inject(self.target, each)
                 if each.for_s is not None and end is not None:
                     self._ends.append((self.time_s + each.for_s, end))
         if self._ends:

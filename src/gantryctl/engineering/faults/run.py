@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -18,7 +16,7 @@ from gantryctl.engineering.faults.bench import (
     way_to_cruise_deg,
 )
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
-from gantryctl.engineering.faults.injection import Injection, finite
+from gantryctl.engineering.faults.injection import finite
 from gantryctl.engineering.faults.limits import limit_deg, reaction_of
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
@@ -196,53 +194,55 @@ def fault_machine(
     return with_values(machine, values)
 
 
-def run_fault(  # noqa: PLR0913 - conditions of a run, each by its name
-    case: FaultCase,
-    speed_deg_s: float | None = None,
-    angle_deg: float | None = None,
-    scan_ms: float | None = None,
-    kind: DriveKind = "sim",
-    *,
-    brake_owner: BrakeOwner = "drive",
-    eccentric_knm: float | None = None,
-    machine: Machine | None = None,
-    beside: bool = False,
-    injected: Callable[[FaultBench, Injection], None] | None = None,
-) -> FaultResult:
-    """Run one case in virtual time, on the engine and the program of the product.
+@dataclass(frozen=True, slots=True)
+class FaultRun:
+    """A case, and what it is run on and under.
 
-    Args:
-        speed_deg_s, angle_deg, scan_ms, eccentric_knm: see `Conditions`; those of the machine where not given.
-        kind: the simulated drive in process, or the virtual drive behind a bus.
+    Attributes:
         machine: the reference gantry when not given.
+        kind: the simulated drive in process, or the virtual drive behind a bus.
         beside: with the nodes beside its drive, also for a case that is of none of them.
-        injected: called with the bench before each injection acts.
+        speed_deg_s, angle_deg, scan_ms, eccentric_knm: see `Conditions`; those of the machine where not given.
+    """
+
+    case: FaultCase
+    machine: Machine | None = None
+    kind: DriveKind = "sim"
+    brake_owner: BrakeOwner = "drive"
+    beside: bool = False
+    speed_deg_s: float | None = None
+    angle_deg: float | None = None
+    scan_ms: float | None = None
+    eccentric_knm: float | None = None
+
+
+def run_fault(run: FaultRun) -> FaultResult:
+    """Run one case in virtual time, on the engine and the program of the product.
 
     Raises:
         UsageError: the case is not for this drive, or the sound axis does not reach the phase.
         ConfigError: a machine with these values is refused.
     """
+    case, kind = run.case, run.kind
     if kind not in case.buses:
         needed = "a drive on a bus: --bus" if kind == "sim" else "the simulated drive"
         raise UsageError(f"{case.number} '{case.title}' needs {needed}")
-    beside = beside or case.beside
-    base = machine or base_machine(kind, beside=beside)
-    usual = conditions_of(base, speed_deg_s)
-    speed_deg_s, angle_deg = usual.speed_deg_s, usual.angle_deg if angle_deg is None else angle_deg
+    beside = run.beside or case.beside
+    base = run.machine or base_machine(kind, beside=beside)
+    usual = conditions_of(base, run.speed_deg_s)
+    speed_deg_s, angle_deg = usual.speed_deg_s, usual.angle_deg if run.angle_deg is None else run.angle_deg
     built = fault_machine(
         base,
         kind,
         speed_deg_s,
-        usual.scan_ms if scan_ms is None else scan_ms,
-        brake_owner,
-        eccentric_knm,
+        usual.scan_ms if run.scan_ms is None else run.scan_ms,
+        run.brake_owner,
+        run.eccentric_knm,
         beside=beside,
     )
     axis = built.axis
     angle_deg = finite(angle_deg, "angle in deg", axis.pos_min_deg, axis.pos_max_deg)
     bench = FaultBench(built, case.phase, speed_deg_s, angle_deg)
-    if injected is not None:
-        bench.injected = partial(injected, bench)
     try:
         bench.reach()
         before = _Before(len(bench.axis.alarms.history), bench.axis.refusal_count)

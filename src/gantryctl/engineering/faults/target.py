@@ -9,6 +9,7 @@ from typing import Any
 
 from gantryctl.drives.faults import Faults
 from gantryctl.drives.simulated import SimDrive
+from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
 from gantryctl.drives.virtual.nodes.group import Neighbours
@@ -77,6 +78,11 @@ class Target:
         return self.device.faults
 
     @property
+    def plant(self) -> SimDrive | DrivePlant:
+        """By what the oracle knows the axis: a drive alone has no controller yet."""
+        return self.device.plant if isinstance(self.device, DriveNode) else self.device
+
+    @property
     def node(self) -> DriveNode:
         """The virtual drive.
 
@@ -108,9 +114,7 @@ class Target:
         Raises:
             UsageError: no such parameter.
         """
-        device = self.device
-        params = device.plant.plant_params if isinstance(device, DriveNode) else device.plant_params
-        value: Any = getattr(params, name, None)
+        value: Any = getattr(self.plant.plant_params, name, None)
         if name.startswith("_") or not isinstance(value, bool | int | float):
             raise UsageError(f"the plant has no parameter '{name}' that is a number")
         return float(value)
@@ -121,19 +125,15 @@ class Target:
         Raises:
             UsageError: no such parameter.
         """
-        device = self.device
-        (device.plant if isinstance(device, DriveNode) else device).change_plant(name, value)
+        self.plant.change_plant(name, value)
 
     def jump_encoder(self, angle_deg: float) -> None:
         """Shift what reading and loops of the drive see, deg at the gantry."""
-        device = self.device
-        sim = device.plant.sim if isinstance(device, DriveNode) else device.sim
-        sim.jump_encoder(math.radians(angle_deg) * self.machine.axis.ratio)
+        self.plant.sim.jump_encoder(math.radians(angle_deg) * self.machine.axis.ratio)
 
     def lose_turns(self, turns: int) -> None:
         """Shift the multiturn part of the encoder."""
-        device = self.device
-        (device.plant if isinstance(device, DriveNode) else device).lose_turns(turns)
+        self.plant.lose_turns(turns)
 
     def trip(self, code: int) -> None:
         """Raise a fault inside the drive: torque off."""

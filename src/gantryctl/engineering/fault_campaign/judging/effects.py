@@ -1,78 +1,15 @@
-"""What an injection means to the oracle, and which alarms may come first because of it."""
+"""What faults leave of the axis, and which alarms may come first because of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.kinds.kind import Place
-from gantryctl.engineering.faults.oracle.limits import BRAKE_BEGINS_S
+from gantryctl.engineering.faults.oracle.tell import effect_of, hides_state
 from gantryctl.program.alarms.codes import Code
-
-
-class Effect(NamedTuple):
-    """What an injection does to the promises of the axis (`KnownFaults.inject`).
-
-    Attributes:
-        feedback: the reading is in doubt, or what the drive does with it.
-        at_once: it acts now, so the way to rest counts from now; else from the alarm.
-        no_ramp: a quick stop has none.
-        late_s: the axis goes on for so long before it shows.
-    """
-
-    feedback: bool = False
-    at_once: bool = False
-    no_ramp: bool = False
-    late_s: float = 0.0
-
-
-_NOTHING: Final = Effect()
-_DOUBT: Final = Effect(feedback=True, at_once=True)
-_AT_ONCE: Final = Effect(at_once=True)
-_DOUBT_OF: Final = frozenset(
-    {
-        (Place.ENCODER, "gain"), (Place.ENCODER, "jump"), (Place.ENCODER, "freeze_reading"),
-        (Place.ENCODER, "speed_reading"), (Place.ENCODER, "turns"), (Place.DRIVE, "sign"),
-        (Place.DRIVE, "ignore_target"), (Place.DRIVE, "never_move"), (Place.DRIVE, "mode_display"),
-        (Place.FRAME, "readings_late"), (Place.NODE, "encoder_frozen"), (Place.NODE, "encoder_alarm"),
-        (Place.NODE, "encoder_jump"),
-    }
-)  # fmt: skip
-_SEEN_AT_ONCE: Final = frozenset(
-    {(Place.DRIVE, "trip"), (Place.DRIVE, "leaves_enabled"), (Place.INPUT, "off")}
-)
-# They stop the axis on a ramp of the program, which is no stop by an alarm: one that comes later has a way of its own
-# (G11, seed 41800). The way of the ramp is the judge's.
-_ON_THE_RAMP: Final = frozenset({"enabling_switch", "door_ok"})
-# Bits of the reading: an alarm, and checksum errors that stay, are doubt; a warning and a single error are not.
-_FLAG_ALARM: Final = 2
-_FLAG_ERROR: Final = 1
-
-
-def effect_of(each: Injection) -> Effect:
-    """What one injection means."""
-    key, values = (each.where, each.kind), each.values
-    if key in _DOUBT_OF:
-        return _DOUBT
-    if key in _SEEN_AT_ONCE:
-        return _NOTHING if values.get("name") in _ON_THE_RAMP else _AT_ONCE
-    match key:
-        case (Place.ENCODER, "flags"):
-            lasting = values["bits"] & _FLAG_ERROR and each.for_s is None
-            return _DOUBT if values["bits"] & _FLAG_ALARM or lasting else _NOTHING
-        case (Place.DRIVE, "quick_stop_off"):
-            return Effect(feedback=True)
-        case (Place.DRIVE, "no_torque" | "torque_limit") | (Place.BRAKE, "torque" | "slow"):
-            return Effect(no_ramp=True)
-        case (Place.BRAKE, "stuck"):
-            closes = values["position"] == "closed"
-            return Effect(no_ramp=True, at_once=closes, late_s=BRAKE_BEGINS_S if closes else 0.0)
-        case _:
-            # Seen within its own time, which the alarm tells: the way counts from there.
-            return _NOTHING
-
 
 _TAKES_TORQUE: Final = frozenset(
     {
@@ -110,12 +47,6 @@ def loses_telegrams(each: Injection) -> bool:
     """The telegrams of the drive do not come, or those with its state do not."""
     lost = (each.where, each.kind) in ((Place.FRAME, "sync_lost"), (Place.FRAME, "drive_silent"))
     return lost or hides_state(each)
-
-
-def hides_state(each: Injection) -> bool:
-    """The telegrams with the state of the drive do not come, or none that can be read."""
-    tpdo = (each.where, each.kind) == (Place.FRAME, "tpdo")
-    return tpdo and each.values["number"] == 1 and each.values["kind"] in ("drop", "length")
 
 
 def _stands_still(case: FaultCase) -> bool:

@@ -23,11 +23,11 @@ from typing import Final
 
 import numpy as np
 
-from gantryctl.engineering.fault_campaign.judging.effects import effect_of
 from gantryctl.engineering.fault_campaign.machines import base_machine, base_of
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.limits import held_up_deg, limit_deg, reaction_of
+from gantryctl.engineering.faults.oracle.tell import effect_of
 from gantryctl.machine import Machine
 
 _CLASSES: Final = frozenset(

@@ -46,7 +46,7 @@ class Asked:
         self._ramps, self._ratio = settings.ramps, settings.law.ratio
         self._endless = settings.travel.endless
         # A move that has not come into its window has not ended for so long, though the axis stands; one that comes
-        # into it later ends there (seed 3113 of other axes: 2.2 s behind its ramp).
+        # into it later ends there (a rotary table, 2.2 s behind its ramp).
         self._window = settings.monitors.in_position_window_rad * self._ratio
         self._arrives_ms = 1e3 * settings.monitors.in_position_tolerance_time_s
         self._settled, self._told, self._sag = settled, told, sag

@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.engineering.faults.oracle.held import HeldUp
 from gantryctl.engineering.faults.oracle.words import Instant, TrueAxis
 
 # An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
 _CAUSE_MS: Final = 3000
+
+
+class Effect(NamedTuple):
+    """What a fault does to the promises of the axis.
+
+    Attributes:
+        feedback: the reading is in doubt, or what the drive does with it.
+        at_once: it acts now, so the way to rest counts from now; else from the alarm.
+        no_ramp: a quick stop has none.
+        late_s: the axis goes on for so long before it shows.
+    """
+
+    feedback: bool = False
+    at_once: bool = False
+    no_ramp: bool = False
+    late_s: float = 0.0
 
 
 class KnownFaults:
@@ -41,16 +57,9 @@ class KnownFaults:
         self.load_share: Callable[[float], float] | None = None
         self._onset_of_feedback = self._disobeys = False
 
-    def inject(
-        self, now: Instant, *, feedback: bool, at_once: bool, no_ramp: bool = False, late_s: float = 0.0
-    ) -> None:
-        """A test spoils something now; a cause that lasts keeps its first onset.
-
-        Args:
-            feedback: the reading is in doubt, or what the drive does with it.
-            at_once: it acts now; else only when something else happens, a quick stop for one.
-            no_ramp, late_s: as the attributes.
-        """
+    def inject(self, now: Instant, effect: Effect) -> None:
+        """Something is spoilt from now on; a cause that lasts keeps its first onset."""
+        feedback, at_once, no_ramp, late_s = effect
         self.late_s = max(self.late_s, late_s)
         self._disobeys = self._disobeys or (feedback and not at_once)
         self.no_ramp = self.no_ramp or no_ramp

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any, Final
 
-from gantryctl.drives.faults import Faults
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.loop import DirectBus
@@ -19,22 +18,6 @@ from gantryctl.program import AxisProgram
 from gantryctl.runtime import Engine
 
 _ENERGISED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-# Faults that put the reading, or what the drive does with it, in doubt: the class of feedback faults.
-_FEEDBACK: Final = frozenset(
-    {"freeze_position", "position_offset", "command_sign", "encoder_gain", "encoder_flags", "velocity_reading",
-     "ignore_target", "never_move", "quick_stop_off", "mode_display"}
-)  # fmt: skip
-# Faults that show only when something else happens: a quick stop, a closing brake, a command to change state, a motion
-# that needs torque; a temperature, which is read every 100 ms; and inputs whose stop is a ramp of the program.
-_LATER: Final = frozenset(
-    {"quick_stop_off", "stuck_state", "brake_feedback", "brake_torque_share", "brake_close_slow_s", "torque_offset",
-     "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share", "no_torque",
-     "motor_temp_c", "door_ok"}
-)  # fmt: skip
-# A coupling that slips by less drives nothing away: the axis goes where it is told to, and no comparison shows it
-# before the angle is off by what may be told. The oracle finds that by itself, and counts the way from there (A17 with
-# an encoder on the ring: 0.05 deg, so half a degree at any speed, 0.67 deg with the stop from 0.8 deg/s).
-_SLIPS_LITTLE: Final = 0.8
 _COUNT_RAD: Final = 1.0
 # Identifiers of CiA 301: NMT and SYNC; RPDO 1 to 4 and SDO requests; heartbeats.
 _BROADCAST: Final = frozenset({0x000, 0x080})
@@ -46,12 +29,11 @@ _SAMPLE_S: Final = 1e-3
 class Oracle:
     """Every axis of one test, and what was found.
 
-    Args:
-        sees_faults: learns of faults where they are set in the drive; else who injects them tells each axis.
+    What is injected is told it (`faults.inject`). Of a switch of the drive that a test sets by itself it knows nothing:
+    the way counts from the alarm.
     """
 
-    def __init__(self, *, sees_faults: bool = True) -> None:
-        self.sees_faults = sees_faults
+    def __init__(self) -> None:
         self.violations: list[Violation] = []
         self.bounds = limits.REFERENCE
         """Of the axes from now on; a test of another axis than the reference gantry sets its own."""
@@ -59,14 +41,12 @@ class Oracle:
         self._kept: list[object] = []
         self.last: tuple[Any, InputImage] | None = None
 
-    def axis(self, plant: object, faults: object = None) -> AxisOracle:
+    def axis(self, plant: object) -> AxisOracle:
         """The oracle of the axis with this plant (a `SimDrive` or a `DrivePlant`)."""
         axis = self.axes.get(id(plant))
         if axis is None:
             axis = self.axes[id(plant)] = AxisOracle(self.violations.append, self.bounds)
-            if faults is not None:
-                self.axes[id(faults)] = axis
-            self._kept += [plant, faults]
+            self._kept.append(plant)
         return axis
 
     def forget(self) -> None:
@@ -105,6 +85,11 @@ class _Now:
     taps: int = 0
 
 
+def watched(plant: object) -> AxisOracle | None:
+    """The axis with this plant, where an oracle watches it."""
+    return None if _Now.oracle is None else _Now.oracle.axes.get(id(plant))
+
+
 @contextmanager
 def watching(oracle: Oracle) -> Iterator[Oracle]:
     """Every axis that moves meanwhile is judged by `oracle`."""
@@ -138,7 +123,6 @@ def tapped() -> Iterator[None]:
         _replace(stack, Engine, "_stop_drive", _engine_stop)
         _replace(stack, SimDrive, "write", _sim_write)
         _replace(stack, DrivePlant, "scan", _plant_scan)
-        _replace(stack, Faults, "__setattr__", _fault)
         with_bus(stack)
         yield
 
@@ -186,7 +170,7 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
             return
         axis = oracle.axes.get(id(drive))
         if axis is None:
-            axis = oracle.axis(drive, drive.faults)
+            axis = oracle.axis(drive)
             sim = drive.sim
             axis.inside = sim.scan_period_s > 1.5 * _SAMPLE_S
             axis.begin(sim.truth()[2], sim.feedback(_COUNT_RAD)[3], drive.state in _ENERGISED)
@@ -216,28 +200,6 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
     return write
 
 
-def _fault(original: Callable[..., None]) -> Callable[..., None]:
-    def set_fault(faults: Faults, name: str, value: object) -> None:
-        original(faults, name, value)
-        slips = name == "encoder_gain" and _SLIPS_LITTLE <= faults.encoder_gain < 1.0
-        if _Now.oracle is not None and _Now.oracle.sees_faults and name in faults.spoilt and not slips:
-            axis = _Now.oracle.axes.get(id(faults))
-            if axis is not None:
-                if name == "brake_close_slow_s":
-                    axis.known.brake_late_s = faults.brake_close_slow_s
-                if name == "brake_torque_share":
-                    axis.known.brake_share = faults.brake_torque_share
-                axis.known.inject(
-                    axis.now(),
-                    feedback=name in _FEEDBACK,
-                    at_once=name not in _LATER,
-                    no_ramp=name.startswith("brake") or name in ("torque_limit_share", "no_torque"),
-                    late_s=limits.BRAKE_BEGINS_S if value == "closed" else 0.0,
-                )
-
-    return set_fault
-
-
 def _plant_scan(original: Callable[..., None]) -> Callable[..., None]:
     def scan(plant: DrivePlant, mode: StageMode, *command: Any) -> None:
         oracle = _Now.oracle
@@ -246,7 +208,7 @@ def _plant_scan(original: Callable[..., None]) -> Callable[..., None]:
             return
         axis = oracle.axes.get(id(plant))
         if axis is None:
-            axis = oracle.axis(plant, plant._faults)
+            axis = oracle.axis(plant)
             axis.begin(plant.sim.truth()[2], plant.brake_open, energised=False)
         original(plant, mode, *command)
         truth = plant.sim.truth()
@@ -261,7 +223,7 @@ def _bus_write(original: Callable[..., None]) -> Callable[..., None]:
         if oracle is not None:
             plant = getattr(drive.plant, "plant", None)
             if isinstance(plant, DrivePlant):
-                oracle.command(oracle.axis(plant, plant._faults), output)
+                oracle.command(oracle.axis(plant), output)
         original(drive, output)
 
     return write

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from gantryctl.engineering.faults.oracle.known import KnownFaults
+from gantryctl.engineering.faults.oracle.known import Effect, KnownFaults
 from gantryctl.engineering.faults.oracle.limits import TOLD_WRONG_S, Bounds, StopClass
 from gantryctl.engineering.faults.oracle.words import TrueAxis
 from gantryctl.units import deg
@@ -98,7 +98,7 @@ class ToldAngle:
 
     def _wrong_angle(self, true: TrueAxis) -> None:
         if not self._known.of_feedback(true.ms):
-            self._known.inject(true.now(), feedback=True, at_once=True)
+            self._known.inject(true.now(), Effect(feedback=True, at_once=True))
         if not self._axis.feedback.position_valid:
             self._wrong_since = None
         elif self._wrong_since is None:

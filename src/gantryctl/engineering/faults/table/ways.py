@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from gantryctl.engineering.faults.bench import BrakeOwner
 from gantryctl.engineering.faults.case import FaultCase
 from gantryctl.engineering.faults.catalogue import CATALOGUE
-from gantryctl.engineering.faults.run import DriveKind, run_fault
+from gantryctl.engineering.faults.run import DriveKind, FaultRun, run_fault
 from gantryctl.errors import GantryctlError
 
 SPEEDS_DEG_S: Final = (6.0, 3.0, 1.0)
@@ -75,7 +75,14 @@ def _runs(case: FaultCase, speed_deg_s: float) -> Iterator[dict[str, Any]]:
     for setup in setups(case, speed_deg_s):
         try:
             result = run_fault(
-                case, speed_deg_s, ANGLE_DEG, setup.scan_ms, setup.kind, brake_owner=setup.brake_owner
+                FaultRun(
+                    case,
+                    kind=setup.kind,
+                    brake_owner=setup.brake_owner,
+                    speed_deg_s=speed_deg_s,
+                    angle_deg=ANGLE_DEG,
+                    scan_ms=setup.scan_ms,
+                )
             )
         except GantryctlError as refused:
             yield {"way_deg": -1.0, "limit_deg": None, "setup": list(setup), "against": [str(refused)]}
