@@ -290,6 +290,41 @@ def test_the_second_limit_switch_that_opens_is_a_broken_wire_whichever_it_is(fir
     assert parts.codes == ["LIM-03", "LIM-04"]
 
 
+@pytest.mark.parametrize(("code", "codes"), [(0x7300, ["CAN-05", "DRV-01"]), (0, ["CAN-05"])])
+def test_a_fault_behind_one_with_a_row_of_its_own_is_told_where_it_has_a_code(code, codes):
+    """The drive has missed its commands, and then its sensor fails; or it has withdrawn its code."""
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.state = DriveState.FAULT
+    for each in (0x8250, code):
+        parts.feedback.error_code = each
+        interlocks.scan(0.0, powered=True)
+    assert parts.codes == codes
+
+
+def test_limit_switches_that_stay_open_are_told_once():
+    """Both, and a reset: nothing moves either way, and nothing new is told."""
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    parts.feedback.inputs = DigitalInputs(limit_plus_ok=False, limit_minus_ok=False)
+    interlocks.scan(0.0, powered=True)
+    assert parts.codes == ["LIM-04"]
+    parts.alarms.clear()
+    interlocks.scan(0.0, powered=True)
+    assert parts.codes == []
+    assert (interlocks.plus_open, interlocks.minus_open) == (False, False)
+
+
+@pytest.mark.parametrize(("permit", "permitted"), [(None, True), (True, True), (False, False)])
+def test_motion_is_permitted_by_a_room_that_has_no_such_input(permit, permitted):
+    parts = Parts()
+    interlocks = Interlocks(parts.settings, parts.feedback, parts.alarms)
+    for inputs in (DigitalInputs(motion_permit=permit), DigitalInputs(), DigitalInputs(motion_permit=permit)):
+        parts.feedback.inputs = inputs
+        interlocks.scan(0.0, powered=False)
+        assert interlocks.permitted is (permitted or inputs.motion_permit is None)
+
+
 @pytest.mark.parametrize(("last_s", "codes"), [(60.0, ["INT-07", "INT-02"]), (60.001, ["INT-07"])])
 def test_a_door_that_opens_six_times_within_a_minute_is_a_loose_wire(last_s, codes):
     parts = Parts()
