@@ -136,6 +136,15 @@ def test_a_scale_stretches_the_stops_of_a_table_where_they_were(sign: float, slo
     assert row.sensitivity == pytest.approx(slope, rel=1e-5)
 
 
+def test_a_chord_of_half_a_degree_is_rounded_too() -> None:
+    """Errors of 0.1 and 0.3 deg: A is six S, and each error moves S by 1 / sqrt(2) of itself."""
+    rows = tuple(RowKey(base, Direction.CCW) for base in (0.0, 90.0))
+    table = ErrorTable(rows, (0.0, 0.5), np.array([[0.0, 0.1], [0.0, 0.3]]))
+    (row,) = table_budget(table, "t", []).contributions
+    assert row.name == "rounding of the table (+-0.05 deg)"
+    assert row.sensitivity == pytest.approx(6.0, rel=1e-5)
+
+
 def test_the_error_of_a_base_is_in_every_chord_of_its_row() -> None:
     """Two rows, 2.1 and 1.9 deg at 5 deg, -0.9 and -1.1 at 10: S is their distance by sqrt(2) in both columns.
 
