@@ -271,6 +271,11 @@ def test_the_paper_s_table_predicts_nothing_and_the_intervals_own_up_to_it() -> 
     assert study.grades[8.0] + study.grades[9.0] > 0.4
 
 
+def test_two_bases_predict_each_other() -> None:
+    two = ErrorTable(PAPER_TABLE.rows[:4], PAPER_TABLE.displacements_deg, PAPER_TABLE.errors_deg[:4])
+    assert [len(part.places) for part in gear_study(two, MACHINE).by_base] == [8, 8]
+
+
 def test_tables_that_tell_nothing_of_a_gear_are_refused() -> None:
     steps = ErrorTable(PAPER_TABLE.rows, PAPER_TABLE.displacements_deg, PAPER_TABLE.errors_deg, Layout.STEPS)
     with pytest.raises(UsageError, match="chords from the base"):

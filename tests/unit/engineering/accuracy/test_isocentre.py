@@ -76,13 +76,39 @@ def test_a_track_lifts_its_ring_over_two_rollers() -> None:
     assert iso.star_radius_mm > 0.01
 
 
-def test_the_phase_of_a_track_is_drawn_from_a_whole_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An eighth of it: rollers at 45 deg lie at sin 135 and sin -45 deg of two waves, x is 100 um and z stays."""
+@pytest.mark.parametrize(
+    ("part", "waves_um", "shift_mm"),
+    [
+        # Two waves begin at 45 deg: the rollers at +-45 deg see sin 135 and sin -45 deg.
+        (0.125, (100.0,), [0.1, 0.0, 0.0]),
+        # Three begin at 90 deg: both rollers see sin 45 deg.
+        (0.25, (0.0, 100.0), [0.0, 0.0, 0.1]),
+    ],
+)
+def test_the_phase_of_a_track_is_drawn_from_a_whole_turn(
+    part: float, waves_um: tuple[float, ...], shift_mm: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = SimpleNamespace(random=lambda: part)
+    monkeypatch.setattr(module.random, "Random", lambda seed: drawn)
+    changes = {"front_track_um": waves_um, "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
+               "roller_angle_deg": 45.0, "nozzle_place": 0.0}  # fmt: skip
+    assert found(changes).shift_mm[ANGLES == 0.0][0] == pytest.approx(shift_mm, abs=1e-12)
+
+
+def test_a_track_turns_with_the_axis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two waves that begin at 45 deg, the axis at 45 deg: what was on one roller is on top, the other sees sin 225 deg."""
     drawn = SimpleNamespace(random=lambda: 0.125)
     monkeypatch.setattr(module.random, "Random", lambda seed: drawn)
     changes = {"front_track_um": (100.0,), "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
                "roller_angle_deg": 45.0, "nozzle_place": 0.0}  # fmt: skip
-    assert found(changes).shift_mm[ANGLES == 0.0][0] == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
+    assert found(changes).shift_mm[ANGLES == 45.0][0] == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
+
+
+def test_the_star_shot_is_told_in_the_unit_of_the_beams() -> None:
+    iso, t = found({}), np.deg2rad(ANGLES)
+    x, z = iso.star_centre_mm
+    assert abs(x) > 1e-3
+    assert np.max(np.abs(x * np.cos(t) - z * np.sin(t) - iso.lateral_mm)) == pytest.approx(iso.star_radius_mm)
 
 
 def test_the_second_number_of_a_track_is_three_waves() -> None:

@@ -47,6 +47,25 @@ def test_machines_side_by_side_have_the_runs_of_each_alone() -> None:
             assert np.array_equal(run.curves.load_deg_s, alone.curves.load_deg_s)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_move_begins_and_ends_at_rest_where_it_was_asked_for(sign: float) -> None:
+    """10 deg at 3 deg/s with ramps of 2 deg/s2: 1.5 + 10 / 3 s, behind one second of rest and before six."""
+    machine = with_values(default_machine(), {"virtual_axis.acc_deg_s2": 2.0, "virtual_axis.dec_deg_s2": 2.0})
+    found = run_speed(machine, -sign * 5.0, sign * 5.0, 3.0)
+    # Rows of 5 ms.
+    assert found.curves.time_s[-1] == pytest.approx(11.83, abs=0.006)
+    assert found.travel_deg == (-sign * 5.0, sign * 5.0)
+    assert found.reached_deg_s == pytest.approx(3.0, abs=0.005)
+    assert found.motor_error_deg_s < 0.05
+    assert found.load_error_deg_s is not None
+    assert found.load_error_deg_s < 0.5
+    # The brake is no part of it: the loop holds the motor still to some 1e-5 deg/s.
+    for rest in (slice(0, 199), slice(-199, None)):
+        assert np.max(np.abs(found.curves.motor_deg_s[rest])) < 1e-3
+    way_deg = float(np.sum(found.curves.ref_deg_s)) * 0.005
+    assert way_deg == pytest.approx(sign * 10.0, abs=0.02)
+
+
 def speeds(sign: float, ref: list[float], motor_less: list[float], load_less: list[float] | None) -> _Speeds:
     """One way or the other, a row every half second; what motor and load lack of the set-point."""
     set_point = np.array(ref)
@@ -101,8 +120,19 @@ def test_a_load_below_a_twentieth_of_the_speed_has_stuck(
     assert (found.load_error_deg_s is None) is not measured
 
 
-def test_without_a_cruise_the_top_of_the_profile_counts() -> None:
-    found = _evaluate(default_machine(), speeds(1.0, REF, [0.0] * 7, None), (-2.0, 2.0), 3.0)
+def test_a_load_at_just_a_twentieth_of_the_speed_has_not_stuck() -> None:
+    for slowest, sticks in ((0.1, False), (math.nextafter(0.1, 0.0), True)):
+        load = np.array([0.0, 2.0, slowest, 2.0, 0.0])
+        ref = np.array([0.0, 2.0, 2.0, 2.0, 0.0])
+        assert (
+            _evaluate(default_machine(), _Speeds(0.5, ref, ref, load), (-2.0, 2.0), 2.0).stick_slip is sticks
+        )
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_without_a_cruise_the_top_of_the_profile_counts(sign: float) -> None:
+    seen = speeds(sign, REF, [0.0] * 7, None)
+    found = _evaluate(default_machine(), seen, (-sign * 2.0, sign * 2.0), 3.0)
     assert found.reached_deg_s == pytest.approx(2.0)
 
 
