@@ -96,7 +96,7 @@ def test_the_phase_of_a_track_is_drawn_from_a_whole_turn(
 
 
 def test_a_track_turns_with_the_axis(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two waves that begin at 45 deg, the axis at 45 deg: what was on one roller is on top, the other sees sin 225 deg."""
+    """Two waves that begin at 45 deg, the axis at 45 deg: the rollers see sin 45 and sin 225 deg."""
     drawn = SimpleNamespace(random=lambda: 0.125)
     monkeypatch.setattr(module.random, "Random", lambda seed: drawn)
     changes = {"front_track_um": (100.0,), "rear_track_um": (0.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
