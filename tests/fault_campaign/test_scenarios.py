@@ -100,6 +100,9 @@ def test_an_axis_on_the_bus_is_the_same_axis() -> None:
         )
         assert there.can.inputs.brake_open >= 0
         assert there.brake.owner == drawn.brake_owner
+    assert {axis_scenario(1, seed, drive="bus").inverted for seed in range(8)} == {False, True}
+    turned = machine_of(Scenario(template="crane_slew", drive="bus", inverted=True))
+    assert turned.can.inverted
 
 
 def test_answers_of_a_scenario_are_those_of_its_axis() -> None:
@@ -140,9 +143,11 @@ def test_a_file_gives_the_same_scenario_again(tmp_path: Path) -> None:
         ('[[faults]]\nnumber = "A1"\nat_s = 1.0\nargs = { angle_deg = 1e9 }', "from -360 to 360"),
         ('[[actions]]\ndo = "fly"\nat_s = 1.0', "actions.0.do"),
         ("scan_ms = ", "scenario.toml"),
-        ('template = "gantry"\ndrive = "bus"', "on the simulated drive"),
         ('template = "gantry"\nimproved = true', "of one kind"),
         ("improved = true\nsecond_pinion = true", "one pinion"),
+        ('improved = true\ndrive = "bus"', "encoder on the ring"),
+        ('template = "crane_slew"\ndrive = "bus"\nbeside = true', "without nodes"),
+        ("inverted = true", "no mounting"),
         ("answers = { inertia_kg_m2 = nan }", "answers.inertia_kg_m2"),
     ],
 )

@@ -46,6 +46,7 @@ def drive_hardware(machine: Machine, angle_deg: float | None = None) -> Hardware
         fine_counts_per_turn=machine.encoder.fine_counts_per_turn,
         turns=encoder.turns,
         count_offset=float(machine.plant.encoder.mounting_turns * machine.encoder.fine_counts_per_turn),
+        motor_sign=-1.0 if machine.can.inverted else 1.0,
         torque_rated_nm=motor.torque_rated_nm,
         torque_max_nm=motor.torque_max_nm,
         overload_time_s=machine.drive.speed_loop.overload_time_s,

@@ -132,6 +132,8 @@ def axis_scenario(series: int, number: int, scan_ms: float | None = None, drive:
     if not draw.happens(_IMPROVED_SHARE) or drive == "bus":
         axis = {**_drawn_axis(draw, draw.one_of(template_names())), "edge": draw.happens(0.5)}
     scene = _random(draw, name, number, scan_ms, drive, beside=False)
+    # By a generator of its own: all else is as on the simulated drive.
+    axis["inverted"] = drive == "bus" and Draw(f"{name} mounting").happens(0.5)
     return _on_axis(scene.model_copy(update={**axis, "ramp_deg_s2": None}))
 
 

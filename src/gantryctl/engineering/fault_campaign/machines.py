@@ -80,7 +80,7 @@ def machine_of(scenario: Scenario) -> Machine:
     machine = base_of(scenario)
     values: dict[str, object] = {}
     if scenario.drive == "bus":
-        values["can.answer_ms"] = scenario.answer_ms
+        values |= {"can.answer_ms": scenario.answer_ms, "can.inverted": scenario.inverted}
     if scenario.ramp_deg_s2 is not None:
         values |= {
             "virtual_axis.acc_deg_s2": scenario.ramp_deg_s2,

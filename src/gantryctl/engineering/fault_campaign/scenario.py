@@ -103,6 +103,7 @@ class Scenario(BaseModel):
         template: of `gantryctl new`, which drafts the axis, with `answers` in place of its own; "" for another.
         improved: the gantry of hust_improved.toml; else, and without a template, the reference gantry.
         drive: the simulated drive in process, or the virtual one behind a bus. beside: with nodes beside it.
+        inverted: the motor on the bus is mounted the other way round, and the machine file says it.
         scan_ms, answer_ms: scan period; how long a scan waits for the bus.
         plant_seed: of a plant within 20 %; None: that of the machine file. edge: each of its values is 20 % off.
         second_pinion: the gear has one.
@@ -120,6 +121,7 @@ class Scenario(BaseModel):
     drive: Literal["sim", "bus"] = "sim"
     beside: bool = False
     brake_owner: Literal["drive", "object_60FE"] = "drive"
+    inverted: bool = False
     scan_ms: Annotated[float, Field(ge=0.5, le=20.0)] = 4.0
     answer_ms: Annotated[float, Field(ge=0.1, le=20.0)] = 2.0
     plant_seed: Annotated[int, Field(ge=0)] | None = None
@@ -139,10 +141,16 @@ class Scenario(BaseModel):
 
     @model_validator(mode="after")
     def _one_axis(self) -> Scenario:
+        if self.inverted and self.drive == "sim":
+            raise ValueError("inverted: the simulated drive has no mounting, a drive on the bus has")
         if self.of_reference:
             return self
-        if self.drive == "bus" or self.second_pinion or (self.template and self.improved):
-            raise ValueError("another axis is of one kind, on the simulated drive, and has one pinion")
+        if self.beside or self.second_pinion or (self.template and self.improved):
+            raise ValueError(
+                "another axis is of one kind, without nodes beside its drive, and has one pinion"
+            )
+        if self.improved and self.drive == "bus":
+            raise ValueError("the encoder on the ring of the improved gantry is of the simulated drive")
         return self
 
     @property

@@ -17,7 +17,8 @@ TRIALS_MAX: Final = 300
 # s behind the violation that are still played.
 _AFTER_S: Final = 0.2
 _SIMPLER: Final[tuple[dict[str, Any], ...]] = (
-    {"drive": "sim", "beside": False, "brake_owner": "drive"},
+    {"drive": "sim", "beside": False, "brake_owner": "drive", "inverted": False},
+    {"inverted": False},
     {"beside": False},
     {"plant_seed": None},
     {"hold_s": None},

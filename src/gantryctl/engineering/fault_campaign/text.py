@@ -18,6 +18,7 @@ def scenario_words(scenario: Scenario) -> str:
     drive = "simulated drive" if scenario.drive == "sim" else f"bus, brake by {scenario.brake_owner}"
     if scenario.beside:
         drive = "bus with nodes beside the drive"
+    drive += ", motor the other way round" * scenario.inverted
     axis = "improved gantry, " if scenario.improved else ""
     if scenario.template:
         answers = ", ".join(f"{name} {value:g}" for name, value in sorted(scenario.answers.items()))

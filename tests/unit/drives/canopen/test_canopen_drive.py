@@ -50,12 +50,19 @@ def test_another_unit_of_speed_is_a_matter_of_the_machine_file() -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_an_inverted_motor_turns_the_right_way(sign: int) -> None:
+def test_an_inverted_motor_turns_the_axis_the_right_way(sign: int) -> None:
+    """The machine file says how the motor is mounted: the axis goes forward, and the telegrams have the other sign."""
     bench = Bench(changes=(("can.inverted", sign < 0),)).open().enable()
-    before = bench.drive.read().pos_act_counts
-    bench.ramp_to(0.6)
-    assert bench.drive.read().pos_act_counts > before
-    assert bench.load_deg * sign > 0.2
+    objects = bench.virtual.od
+    before, raw = bench.drive.read().pos_act_counts, objects.value(0x6064, 0)
+    feedback = bench.ramp_to(0.6)
+    assert bench.load_deg > 0.2
+    assert feedback.pos_act_counts - before == pytest.approx(sign * (objects.value(0x6064, 0) - raw), abs=600)
+    assert sign * objects.value(0x606C, 0) > 0
+    assert sign * objects.value(0x60FF, 0) > 0
+    assert feedback.vel_act_rad_s == pytest.approx(math.radians(0.6) * bench.ratio, rel=0.05)
+    assert feedback.torque_act_nm > 0.0
+    assert sign * objects.value(0x6077, 0) > 0
     bench.drive.close()
 
 

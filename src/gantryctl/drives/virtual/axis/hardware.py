@@ -45,6 +45,8 @@ class Hardware:
     """Multiturn range."""
     count_offset: float
     """How the encoder is mounted, fine counts."""
+    motor_sign: float
+    """-1.0: the drive's positive direction turns the axis negative; its counts, speeds and torques are its own."""
     torque_rated_nm: float
     torque_max_nm: float
     overload_time_s: float

@@ -37,7 +37,7 @@ class DrivePlant:
     """
 
     def __init__(self, hardware: Hardware, faults: Faults) -> None:
-        self._hardware, self._faults = hardware, faults
+        self._hardware, self._faults, self.motor_sign = hardware, faults, hardware.motor_sign
         self.cabinet = Cabinet(hardware.watchdog_s, enable_relay=hardware.enable_relay)
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
@@ -102,7 +102,7 @@ class DrivePlant:
     def power_on(self) -> None:
         """Read the encoder as after mains on: only the absolute value within its range is known."""
         span = float(self._hardware.fine_counts_per_turn * self._hardware.turns)
-        self.wrap_counts = self.counts // span * span
+        self.wrap_counts = self.motor_sign * self.counts // span * span
 
     def restore(self, state: Mapping[str, float]) -> None:
         """Go on from an earlier state of the plant.

@@ -86,7 +86,7 @@ class Signals:
         faults: Faults,
     ) -> None:
         self._hardware, self._axis, self._scaling = hardware, axis, scaling
-        self._kind, self._faults = kind, faults
+        self._kind, self._faults, self._sign = kind, faults, axis.plant.motor_sign
         self._middle = scaling.counts_per_turn * hardware.turns // 2 if kind.position_around_zero else 0
         self._frozen: int | None = None
         self._now_us = 0
@@ -98,11 +98,11 @@ class Signals:
                 (0x6061, 0): self.mode_display,
                 (0x603F, 0): lambda: axis.error_code,
                 (0x6064, 0): self.position,
-                (0x606B, 0): lambda: scaling.velocity(axis.reference.vel_rad_s),
+                (0x606B, 0): lambda: scaling.velocity(self._sign * axis.reference.vel_rad_s),
                 (0x606C, 0): self.velocity,
-                (0x6077, 0): lambda: scaling.torque(plant.torque_nm + faults.torque_offset),
+                (0x6077, 0): lambda: scaling.torque(self._sign * (plant.torque_nm + faults.torque_offset)),
                 (0x6078, 0): lambda: clamp_int(
-                    1000.0 * plant.torque_nm / hardware.torque_rated_nm, -32768, 32767
+                    1000.0 * self._sign * plant.torque_nm / hardware.torque_rated_nm, -32768, 32767
                 ),
                 (0x6079, 0): lambda: _DC_LINK_MV if faults.mains_ready else 0,
                 (0x60FD, 0): self.inputs,
@@ -157,8 +157,9 @@ class Signals:
         """Velocity actual value 606C."""
         faults = self._faults
         if faults.velocity_reading is not None:
-            return self._scaling.velocity(faults.velocity_reading)
-        return 0 if self._position_frozen else self._scaling.velocity(self._axis.plant.vel_rad_s)
+            return self._scaling.velocity(self._sign * faults.velocity_reading)
+        vel_rad_s = self._sign * self._axis.plant.vel_rad_s
+        return 0 if self._position_frozen else self._scaling.velocity(vel_rad_s)
 
     def wires(self) -> dict[str, bool]:
         """Level of every wire that leads to an input, wherever it ends: True is 24 V."""
@@ -199,7 +200,7 @@ class Signals:
     def _position(self) -> int:
         plant = self._axis.plant
         return wrap_i32(
-            self._scaling.increments(plant.counts - plant.wrap_counts)
+            self._scaling.increments(self._sign * plant.counts - plant.wrap_counts)
             - self._middle
             + self._faults.position_offset
         )
@@ -207,7 +208,7 @@ class Signals:
     def _absolute(self) -> int:
         """Absolute position of the encoder, within one multiturn range."""
         span = self._hardware.turns * self._scaling.counts_per_turn
-        return self._scaling.increments(self._axis.plant.counts) % span
+        return self._scaling.increments(self._sign * self._axis.plant.counts) % span
 
     def _status(self) -> int:
         """6041 without faults and quirks."""

@@ -133,7 +133,7 @@ class SpeedReference:
     def _wanted(self) -> float:
         """60FF + 60B1 within the speed ceiling: 6080, and in profile velocity 607F."""
         od = self._od
-        vel = self._faults.command_sign * self._scaling.rad_s(od.number(0x60FF) + od.number(0x60B1))
+        vel = self._command_sign * self._scaling.rad_s(od.number(0x60FF) + od.number(0x60B1))
         if self._kind.sign_wrong_at_speed and abs(vel) > _CREEP_RAD_S:
             vel = -vel
         ceiling = rad_s_of_r_min(od.number(0x6080))
@@ -155,6 +155,10 @@ class SpeedReference:
         return vel
 
     @property
+    def _command_sign(self) -> float:
+        return self._faults.command_sign * self._plant.motor_sign
+
+    @property
     def target_reached(self) -> bool:
         """PV: the speed has been within the window 606D for the time 606E."""
         return (
@@ -166,7 +170,7 @@ class SpeedReference:
     @property
     def torque_ff_nm(self) -> float:
         """60B2."""
-        return self._faults.command_sign * self._scaling.nm(self._od.number(0x60B2))
+        return self._command_sign * self._scaling.nm(self._od.number(0x60B2))
 
     @property
     def at_rest(self) -> bool:
