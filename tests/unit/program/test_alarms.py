@@ -11,7 +11,7 @@ import pytest
 from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity
 from gantryctl.program.alarms.alarms_page import chinese_page, reference_page
-from gantryctl.program.alarms.log import HISTORY_LENGTH, from_wire, messages_to_wire, refusal, to_wire
+from gantryctl.program.alarms.log import from_wire, messages_to_wire, refusal, to_wire
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.table import all_codes, explain
 from gantryctl.program.alarms.words import Words
@@ -226,9 +226,9 @@ def test_a_reaction_is_never_weaker_than_the_table():
 
 def test_history_is_bounded():
     log = AlarmLog()
-    for _ in range(10 * HISTORY_LENGTH):
+    for _ in range(2000):
         log.note(Code.LIM_01, measured=180.0)
-    assert len(log.history) == HISTORY_LENGTH
+    assert len(log.history) == 200
     assert not log.active
 
 
@@ -367,3 +367,46 @@ def test_every_message_gets_exactly_its_values():
         else:
             continue
         assert names == fields(english), f"{file}:{call.lineno} {what}"
+
+
+def test_a_new_log_stands_at_no_time_and_place():
+    log = AlarmLog()
+    assert (log.scan, log.time_s, log.pos_rad, log.horn, log.first_out) == (0, 0.0, 0.0, False, None)
+
+
+def test_a_warning_that_ends_a_motion_is_told_once_and_keeps_the_next_one_back():
+    log = AlarmLog()
+    log.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)
+    assert log.blocking() is None
+    warned = log.active[Code.CTL_12]
+    log.raise_(Code.CTL_12, Reaction.HLT, measured=1.5, limit=1.0, trip=2.0)
+    assert log.active[Code.CTL_12] is warned
+    assert warned.reaction is Reaction.HLT
+    assert len(log.history) == 1
+    assert log.blocking() is warned
+    assert log.blocking(but=Code.CTL_12) is None
+    assert log.first_out is None
+
+
+def test_what_follows_a_stop_is_folded_under_it():
+    log = AlarmLog()
+    log.raise_(Code.PWR_01, position="0")
+    log.raise_(Code.DRV_07, measured=1.0, limit=1.0)
+    first, second = log.history
+    assert log.first_out is first
+    assert first.consequences == [second]
+    assert (first.follows, second.follows) == (None, Code.PWR_01)
+
+
+def test_the_angle_of_a_scan_is_given_to_the_alarms_of_that_scan():
+    log = AlarmLog()
+    log.raise_(Code.PWR_01, position="0")
+    log.scan = 1
+    log.raise_(Code.DRV_07, measured=1.0, limit=1.0)
+    log.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)
+    log.locate(2.0)
+    assert [alarm.pos_rad for alarm in log.history] == [0.0, 2.0, 2.0]
+
+
+def test_a_refusal_in_the_journal_begins_with_its_code():
+    assert refusal(Code.PWR_03).line.startswith("PWR-03 ")

@@ -180,16 +180,6 @@ def test_an_axis_at_rest_that_is_switched_off_is_not_told_as_stopping():
     assert rig.axis.state is AxisState.DISABLED
 
 
-def test_a_power_up_begins_its_time_in_position_anew():
-    rig = powered()
-    rig.op(power=False)
-    rig.until(lambda: rig.axis.is_off, 2.0)
-    rig.op(power=True)
-    rig.until(lambda: rig.axis.power.phase is PowerPhase.ON, 2.0)
-    assert not rig.output.in_position
-    assert rig.axis.monitors.rest_scans < 10
-
-
 @BOTH
 def test_a_quick_stop_that_drives_against_its_torque_is_asked_by_its_ramp(way):
     """Torque of 0.1 N m against 0.01 rad/s: 1e-3 W, more than what counts; on the limit it does not."""

@@ -121,3 +121,11 @@ def test_the_counter_counts_edges_until_the_largest_int() -> None:
     for level in (False, True):
         counter(cu=level, r=False, pv=3)
     assert counter.cv == COUNT_MAX
+
+
+@pytest.mark.parametrize("timer", [TON, TOF, TP])
+def test_a_new_timer_shows_nothing_and_no_time_at_all_is_one(timer: Callable[[], TON | TOF | TP]) -> None:
+    new = timer()
+    assert (new.q, new.et_s, new.error) == (False, 0.0, False)
+    new(in_=True, pt_s=0.0, time_s=0.0)
+    assert not new.error

@@ -1,5 +1,7 @@
 """What is kept back: who may reset, which key and which move may begin, what an angle is worth after an alarm."""
 
+from dataclasses import replace
+
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, EncoderFlag, Mode
@@ -9,7 +11,8 @@ from gantryctl.program.axis.motion_command import Dynamics
 from gantryctl.program.monitors.calibration_watch import Finding
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg, rad
-from unit.program.rig import COUNTS_PER_DEG, Rig, powered, settings
+from unit.program.rig import COUNTS_PER_DEG, Rig, powered, press, settings
+from unit.program.test_modulo import modulo
 
 approx = pytest.approx
 
@@ -37,6 +40,50 @@ def test_a_speed_that_was_refused_changes_no_way_that_is_shown():
     for speed_deg_s in (6.01, 0.59, 100.0):
         rig.op(speed_rad_s=rad(speed_deg_s))
         assert rig.program.key_lost_angle_rad() == shown
+
+
+@pytest.mark.parametrize("key", ["forward", "reverse"])
+def test_a_key_is_refused_while_the_speed_that_is_set_is_none(key):
+    """3 deg/s were accepted before; they do not stand in for the 100 that a person reads."""
+    rig = powered()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(3.0))
+    rig.op(speed_rad_s=rad(100.0))
+    press(rig, **{key: True})
+    assert "speed must be within 0.60 and 6.00 deg/s" in rig.refused()
+    rig.run(0.1)
+    assert rig.vel_deg_s == 0.0
+
+
+@pytest.mark.parametrize(("key", "way"), [("forward", 1.0), ("reverse", -1.0)])
+def test_a_speed_that_is_refused_leaves_the_key_that_is_held_alive(key, way):
+    rig = powered()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(3.0))
+    press(rig, **{key: True})
+    rig.hold_key(1.0)
+    rig.op(speed_rad_s=rad(100.0))
+    rig.hold_key(0.3)
+    assert rig.program.jog.busy
+    assert rig.vel_deg_s == approx(3.0 * way)
+
+
+def test_a_speed_without_the_enabling_switch_is_told_in_degrees():
+    rig = powered()
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(3.0))
+    press(rig, forward=True)
+    assert rig.axis.refusal.code is Code.INT_05
+    assert rig.axis.refusal.values == {"measured": approx(3.0), "limit": approx(1.0)}
+
+
+def test_the_way_of_a_key_that_is_lost_at_constant_speed_has_no_acceleration_in_it():
+    """6 deg/s: 250 ms of lease are 1.5 deg, the ramp of 5 deg/s2 and 100 deg/s3 3.75."""
+    turning = modulo()
+    rig = Rig(config=replace(settings(), travel=turning.travel, law=turning.law))
+    rig.power_up()
+    rig.axis.motion.move_velocity(rad(6.0))
+    rig.run(2.0)
+    assert rig.axis.virtual.cruising
+    assert deg(rig.program.key_lost_angle_rad()) == approx(1.5 + 3.75, abs=0.001)
 
 
 def test_a_remote_move_that_waits_for_the_brake_stays_remote():

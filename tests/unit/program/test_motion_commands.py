@@ -420,17 +420,6 @@ def test_an_acceleration_is_not_changed_while_override_0_holds_a_motion_back():
     assert rig.axis.set_acceleration(rad(1.0)) is not None
 
 
-def test_a_held_stop_keeps_the_brake_open():
-    rig = Rig(config=settings(**PARKS | {"hold_brake_after_s": 0.6}))
-    rig.power_up()
-    rig.op(stop=True)
-    rig.run(1.0)
-    assert rig.axis.power.phase is P.ON
-    rig.op(stop=False)
-    rig.run(1.0)
-    assert rig.axis.power.phase is P.PARKED
-
-
 def test_a_stop_that_is_done_is_not_made_an_error_by_an_alarm():
     rig = powered()
     rig.op(stop=True)

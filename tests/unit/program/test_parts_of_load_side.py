@@ -321,3 +321,11 @@ def test_a_calibration_is_watched_where_the_drive_adds_the_torque_that_is_asked_
     config = settings(torque_preload=preload)
     side = LoadSide(config, CompensationSettings(Law(), watch=watch), None, Parts().feedback, AlarmLog())
     assert (side.watch is not None) is preload
+
+
+def test_a_moment_counts_from_its_first_scan_to_the_scan_in_which_5_s_are_over():
+    parts, law, side = load_side(0.010, moment_limit_nm=1000.0)
+    for change_nm in (0.0, 2000.0):
+        law.change_nm = change_nm
+        side.scan(parts.virtual, 0.0)
+    assert parts.after(lambda: side.scan(parts.virtual, 0.0), most_s=6.0) == approx(4.99)

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from gantryctl.program import Code
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg, rad
 from unit.program.parts import BOTH
@@ -145,3 +146,13 @@ def test_a_speed_without_an_end_has_its_sign_and_cruises_once_it_is_reached(way)
     virtual.sample(9000)
     assert virtual.cruising
     assert deg(virtual.vel_ref_rad_s) == approx(way * 6.0)
+
+
+@pytest.mark.parametrize(("target_rad", "speed_rad_s"), [(math.nan, SPEED), (1.0, math.nan)])
+def test_what_cannot_be_planned_is_refused_and_changes_nothing(target_rad, speed_rad_s):
+    virtual = moving()
+    plan = virtual.plan
+    refused = virtual.move_to(target_rad, speed_rad_s, virtual.ramps, 3275)
+    assert refused is not None
+    assert refused.code is Code.CTL_17
+    assert virtual.plan is plan
