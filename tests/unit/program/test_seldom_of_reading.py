@@ -236,7 +236,7 @@ def test_of_two_flags_of_the_link_the_cause_is_told_and_not_what_follows_from_it
 def test_a_gear_untwists_for_30_ms_behind_its_torque(way):
     """100 N m against the change are gone for 12 ms, of which 75 are still twisted: 0.08 deg/s2 for each, and 0.222."""
     most = 0.222 + 0.08 * 75.1 * 0.004
-    for share, wrong in ((0.98, False), (1.02, True)):
+    for share, wrong in ((0.995, False), (1.005, True)):
         encoder = Encoder(0.004, 3.0, monitors=ROTOR)
         for _ in range(100):
             encoder.scan(torque_act_nm=-way * 100.0)
