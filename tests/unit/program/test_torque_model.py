@@ -244,3 +244,15 @@ def test_a_new_zero_turns_what_was_learned_to_the_same_places(
         model.add(0.3, 0.05, 0.001, 50.0)
     assert old.weights == pytest.approx(new.weights, abs=0.02)
     assert old.expected_nm(0.4, 0.05, 0.0) == pytest.approx(new.expected_nm(0.4, 0.05, 0.0), abs=0.02)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.011, True), (0.009, False)])
+def test_the_angle_of_a_moment_is_told_from_a_hundredth_of_the_rated_torque_on(
+    share: float, told: bool
+) -> None:
+    model = TorqueModel(RATIO, 257.0)
+    model.restore([0.0, -share * 257.0, 0.0, 0.0, 0.0])
+    moment_nm, angle_rad = model.eccentric()
+    assert moment_nm == pytest.approx(share * 257.0 * RATIO)
+    assert math.isnan(angle_rad) is not told
+    assert not told or deg(angle_rad) == pytest.approx(90.0)
