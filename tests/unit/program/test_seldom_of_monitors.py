@@ -431,3 +431,15 @@ def test_a_stop_before_a_sector_is_told_in_degrees(way):
     values = parts.alarms.active[Code.LIM_06].values
     told = {"measured": way * 59.5, "position": way * 62.0, "begin": deg(sector[0]), "end": deg(sector[1])}
     assert values == approx(told)
+
+
+def test_a_running_fit_is_least_squares_with_its_deviations():
+    """0.8 + 2.3 x through 1, 3, 5, 8: squares of 0.2, 0.1, 0.4 and 0.3 are left, 0.075 for each of four samples, of
+    which 1.5 say the same once. Of it an intercept has 0.7 (1/4 + 1.5^2/5) and a slope 0.2 (1/5).
+    """
+    fit = RunningFit(2, 0.0, 1.0, 1.5)
+    for x, y in enumerate((1.0, 3.0, 5.0, 8.0)):
+        fit.add((1.0, float(x)), y)
+    fitted = fit.solved()
+    assert fitted.values == approx([0.8, 2.3])
+    assert fitted.deviations == approx([math.sqrt(1.5 * 0.075 * 0.7), math.sqrt(1.5 * 0.075 * 0.2)])
