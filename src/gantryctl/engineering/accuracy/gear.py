@@ -113,7 +113,6 @@ class GearModel:
             raise UsageError(
                 "gear model: the table must have chords from the base of their series (procedures A, B and D)"
             )
-        self.table = table
         columns = table.displacements_deg[1:]
         self.places = tuple(Place(row, d) for row in table.rows for d in columns)
         self.errors_deg: FloatArray = table.errors_deg[:, 1:].ravel()

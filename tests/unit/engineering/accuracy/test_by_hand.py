@@ -51,6 +51,10 @@ def test_a_of_four_rows() -> None:
     assert base_rms(table, 0.0) == pytest.approx(math.sqrt(5.0))
 
 
+def test_a_base_of_which_nothing_else_was_measured_has_no_error() -> None:
+    assert base_rms(ErrorTable((RowKey(0.0, Direction.CCW),), (0.0,), np.zeros((1, 1))), 0.0) == 0.0
+
+
 def test_the_largest_error_may_be_negative_and_one_row_has_no_direction_of_its_own() -> None:
     table = one_base([-4.0], [1.0, 2.0])
     assert statistics(table).largest_deg == 4.0

@@ -148,6 +148,11 @@ def test_the_speed_of_the_ring_is_its_way_over_40_ms() -> None:
     assert speed is not None
     assert speed[5:-5] == pytest.approx(t[5:-5])
     assert speed[[0, -1]] == pytest.approx([0.01, 0.39])
+    # A scan that is longer than that has its neighbours: half of 0.1^2 in the first 0.1 s.
+    slow = {"pos_ring_rad": np.radians(0.5 * (0.1 * np.arange(9)) ** 2)}
+    seldom = _by_ring(machine, slow, 0.1)  # type: ignore[arg-type]
+    assert seldom is not None
+    assert seldom[:2] == pytest.approx([0.05, 0.1])
     trace["pos_ring_rad"][50] = math.nan
     assert _by_ring(machine, trace, 0.004) is None  # type: ignore[arg-type]
     assert _by_ring(default_machine(), {}, 0.004) is None  # type: ignore[arg-type]

@@ -120,3 +120,7 @@ def test_the_floor_is_that_of_an_axis_without_error() -> None:
     )
     assert wavy == perfect
     assert wavy.median_deg < 2e-4
+    # The same draws each time, unless others are asked for.
+    seeds = [chord_uncertainty(PROCEDURE, WAVY_DEG, sigma, *seed).floor for seed in ((), (0,), (1,))]
+    assert seeds[0] == seeds[1] != seeds[2]
+    assert seeds[0].draws == 500
