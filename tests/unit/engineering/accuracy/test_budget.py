@@ -183,6 +183,17 @@ def test_what_the_sources_draw_is_added_to_the_readings() -> None:
     assert [row.sensitivity for row in found.contributions] == pytest.approx([1.0, 1.0])
 
 
+def test_the_interval_of_the_draws_leaves_2_5_percent_on_either_side() -> None:
+    """101 draws of 0, 1, .. 100 deg."""
+    rising: Any = SimpleNamespace(
+        **vars(sources_of("level")[0]),
+        covariance=lambda angles, times: np.eye(len(angles)),
+        draws=lambda angles, times, draws, rng: np.arange(float(draws))[:, None],
+    )
+    found = budget("t", lambda angles: angles[..., 0], np.zeros(1), np.zeros(1), [rising], draws=101)
+    assert (found.low_deg, found.high_deg) == pytest.approx((2.5, 97.5))
+
+
 def test_a_budget_is_the_same_each_time_it_is_asked_for() -> None:
     """2,000 draws of the same numbers, by whatever way."""
     sources = sources_of("tracker")

@@ -104,6 +104,17 @@ def test_a_track_turns_with_the_axis(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found(changes).shift_mm[ANGLES == 45.0][0] == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
 
 
+def test_rings_that_move_alike_carry_the_nozzle_with_them_and_do_not_lean(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module.random, "Random", lambda seed: SimpleNamespace(random=lambda: 0.125))
+    changes = {"front_track_um": (100.0,), "rear_track_um": (100.0,), "tube_mass_kg": 0.0, "nozzle_mass_kg": 0.0,
+               "roller_angle_deg": 45.0, "nozzle_place": 0.25}  # fmt: skip
+    iso = found(changes)
+    assert iso.shift_mm[ANGLES == 0.0][0] == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
+    assert np.max(np.abs(iso.tilt_mrad)) < 1e-12
+
+
 def test_the_star_shot_is_told_in_the_unit_of_the_beams() -> None:
     iso, t = found({}), np.deg2rad(ANGLES)
     x, z = iso.star_centre_mm
