@@ -77,6 +77,8 @@ def test_readings_that_are_less_certain_scatter_and_are_not_shifted() -> None:
     """Those at 5 deg alone, six chords: the median of S of six draws is sqrt(4.351 / 5) u, and A is six of them."""
     u = np.array([1e-4 if stop.displacement_deg == 5.0 else 0.0 for stop in PROCEDURE.stops])
     known = chord_uncertainty(PROCEDURE, np.degrees(PROCEDURE.targets_rad), u)
+    # A base that is certain leaves a chord the error of its own reading.
+    assert known.largest_chord_deg == pytest.approx(1e-4, rel=1e-5)
     # A median of 500 draws of S is known to 1.9 %.
     assert known.floor.median_deg == pytest.approx(6.0 * 0.9329 * 1e-4, rel=0.06)
 
