@@ -390,7 +390,7 @@ def test_a_warning_that_ends_a_motion_is_told_once_and_keeps_the_next_one_back()
 
 def test_what_follows_a_stop_is_folded_under_it():
     log = AlarmLog()
-    log.raise_(Code.PWR_01, position="0")
+    log.raise_(Code.PWR_01, measured="at 0")
     log.raise_(Code.DRV_07, measured=1.0, limit=1.0)
     first, second = log.history
     assert log.first_out is first
@@ -400,7 +400,7 @@ def test_what_follows_a_stop_is_folded_under_it():
 
 def test_the_angle_of_a_scan_is_given_to_the_alarms_of_that_scan():
     log = AlarmLog()
-    log.raise_(Code.PWR_01, position="0")
+    log.raise_(Code.PWR_01, measured="at 0")
     log.scan = 1
     log.raise_(Code.DRV_07, measured=1.0, limit=1.0)
     log.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl.program.blocks import CTU, F_TRIG, R_TRIG, RS, SR, TOF, TON, TP
-from gantryctl.program.blocks.standard import COUNT_MAX
 
 
 def drawn(signal: str) -> list[bool]:
@@ -117,10 +116,10 @@ def test_the_counter_counts_edges_until_the_largest_int() -> None:
     counter(cu=True, r=True, pv=3)
     counter(cu=True, r=False, pv=3)
     assert counter.cv == 0, "an edge under reset is lost, as the standard has it"
-    counter.cv = COUNT_MAX
+    counter.cv = 32767
     for level in (False, True):
         counter(cu=level, r=False, pv=3)
-    assert counter.cv == COUNT_MAX
+    assert counter.cv == 32767
 
 
 @pytest.mark.parametrize("timer", [TON, TOF, TP])
@@ -129,3 +128,15 @@ def test_a_new_timer_shows_nothing_and_no_time_at_all_is_one(timer: Callable[[],
     assert (new.q, new.et_s, new.error) == (False, 0.0, False)
     new(in_=True, pt_s=0.0, time_s=0.0)
     assert not new.error
+
+
+def test_a_pulse_that_an_impossible_time_has_ended_begins_with_an_edge_only() -> None:
+    pulse = TP()
+    for time_s, pt_s, q, error in (
+        (0.0, 9.0, True, False),
+        (1.0, math.nan, False, True),
+        (2.0, 9.0, False, False),
+        (3.0, 9.0, False, False),
+    ):
+        pulse(in_=True, pt_s=pt_s, time_s=time_s)
+        assert (pulse.q, pulse.error) == (q, error)

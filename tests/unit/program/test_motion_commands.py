@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.image import BufferMode, DigitalInputs, Direction, Mode
 from gantryctl.program import AxisState, Code
-from gantryctl.program.axis.motion_command import CommandStatus, Dynamics, MotionCommand
+from gantryctl.program.axis.motion_command import Aim, CommandStatus, Dynamics, Goal, MotionCommand
 from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
 from gantryctl.program.settings import StandstillPolicy, TravelSettings
 from gantryctl.units import deg, rad
@@ -512,3 +512,16 @@ def test_the_direction_is_that_of_the_turning_axis_and_at_rest_that_of_its_last_
     assert rig.vel_deg_s < 0.0
     turning = motion.move_absolute(rad(80.0), rad(6.0), Direction.CURRENT)
     assert deg(turning.target_rad) == approx(80.0 - 360.0)
+
+
+@pytest.mark.parametrize(
+    ("aim", "endless", "settles"),
+    [
+        (None, False, False),
+        (Aim(Goal.SPEED, 1.0), True, False),
+        *((Aim(goal, 1.0), False, True) for goal in list(Goal)[:3]),
+    ],
+)
+def test_a_motion_to_an_angle_settles_and_one_with_a_speed_has_no_end(aim, endless, settles):
+    command = MotionCommand(AxisState.DISCRETE_MOTION, aim)
+    assert (command.endless, command.settles) == (endless, settles)

@@ -399,3 +399,9 @@ def test_a_motion_has_its_torque_in_the_scan_in_which_it_is_taken():
     rig.op(move=True, target_rad=rad(5.0), speed_rad_s=rad(6.0))
     assert rig.output.vel_cmd_rad_s == 1.0
     assert rig.output.torque_ff_nm == approx(before_nm + 7.0)
+
+
+@pytest.mark.parametrize(("counts", "kept"), [(30, 30), (80, 30), (81, 131), (-20, 1030), (-21, 929)])
+def test_the_zero_of_turns_of_an_odd_count_is_kept_to_the_count(counts, kept):
+    """Turns of 101 counts: as far as 50 on either side it is the zero itself."""
+    assert Turns(Fraction(101), 30.0).kept_zero(counts, 1000) == kept
