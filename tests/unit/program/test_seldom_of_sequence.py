@@ -7,10 +7,10 @@ import math
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveState
-from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS
-from unit.program.power_steps import P, record, slip
+from unit.program.power_steps import P, held_again, record, slip
 from unit.program.rig import COUNTS_PER_TURN, RATIO, Rig, moving_rig, powered, settings
 
 approx = pytest.approx
@@ -283,3 +283,45 @@ def test_a_stop_behind_a_closed_brake_is_not_over_where_its_contact_opens():
     rig.spoil = lambda drive: drive._replace(brake_open=True, vel_act_rad_s=rad(0.1) * RATIO)
     rig.run(0.1)
     assert rig.axis.power.phase is P.TORQUE_OFF
+
+
+@pytest.mark.parametrize("reaction", [Reaction.QUICK_STOP, Reaction.HOLD])
+def test_torque_that_holds_a_load_is_not_taken_off_by_a_weaker_stop(reaction):
+    """12 N m behind a brake that has slipped."""
+    rig = held_again()
+    rig.axis.power.react(reaction)
+    rig.run(0.05)
+    assert rig.axis.power.phase is P.TORQUE_HOLD
+    assert rig.output.torque_ff_nm == approx(12.0)
+    assert rig.drive.state is DriveState.OPERATION_ENABLED
+
+
+def test_a_drive_that_ends_its_quick_stop_by_itself_is_disabled_and_nothing_else():
+    """It owns its brake; disabled in the scan that shows it, and off in the next."""
+    rig = own_brake()
+    rig.until(lambda: rig.axis.power.phase is P.ON, 1.0)
+    rig.op(quick_stop=True)
+    rig.spoil = lambda drive: drive._replace(brake_open=False, state=DriveState.SWITCH_ON_DISABLED)
+    rig.step()
+    assert (rig.axis.power.phase, rig.codes) == (P.DISABLING, ["INT-06"])
+    rig.step()
+    assert (rig.axis.power.phase, rig.codes) == (P.OFF, ["INT-06"])
+
+
+@BOTH
+def test_what_the_brake_takes_in_a_stop_is_counted(way):
+    """400 N m for 0.5 s at 6 deg/s: 3 x 1144 deg of the motor are 59.9 rad, 23.96 kJ."""
+    rig = moving_rig(at_deg=-way * 40.0)
+    counts, vel_rad_s = rig.image.drive.pos_act_counts, way * rad(6.0) * RATIO
+
+    def spoil(drive):
+        nonlocal counts
+        counts += vel_rad_s * rig.period_s / math.tau * COUNTS_PER_TURN
+        return drive._replace(pos_act_counts=round(counts), vel_act_rad_s=vel_rad_s, brake_open=False)
+
+    rig.drive.inputs = OPEN_CHAIN
+    rig.step()
+    rig.spoil = spoil
+    rig.run(0.5)
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    assert rig.axis.power.wear.energy_j == approx(23.96e3, rel=0.01)
