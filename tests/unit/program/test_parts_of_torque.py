@@ -370,6 +370,24 @@ def test_a_brake_takes_its_torque_within_some_hundredths_of_a_second(rises_s, co
 
 
 @BOTH
+@pytest.mark.parametrize("was_deg_s2", [0.0, -1.0, 1.0])
+def test_a_leap_of_a_shaft_that_is_held_back_is_its_brake_and_no_wrong_reading(was_deg_s2, way):
+    """250 N m at once, off its command; what the set-point accelerated with a second before is forgotten."""
+    parts = Parts()
+    parts.virtual.acc_ref_rad_s2 = 0.0
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    for deg_s2, scans in ((way * was_deg_s2, 300), (0.0, 1000)):
+        parts.virtual.acc_ref_rad_s2 = rad(deg_s2)
+        for _ in range(scans):
+            watch.scan(0.0, 0.0)
+    watch.scan(rad(-way * 0.06), 0.0)
+    parts.feedback.torque_nm = way * 250.0
+    assert parts.after(lambda: watch.scan(rad(-way * 0.06), 0.0), most_s=0.05) == approx(0.030, abs=0.0011)
+    assert parts.codes == ["BRK-14"]
+
+
+@BOTH
 def test_half_of_the_brakes_torque_that_goes_in_between_is_no_brake(way):
     """205 N m for 20 ms, nothing for a scan, and again: 30 ms in a row are a brake."""
     parts = Parts()

@@ -226,7 +226,7 @@ class TorqueWatch:
         stands = abs(command) > self._start and abs(vel) < _STANDS_SHARE * abs(command)
         pushes = rise_nm * command > 0.0 and abs(rise_nm) > self._rise_nm
         self._blocked = feedback.lasting(self._blocked) if stands and pushes else 0
-        if self._leap and not self._pulled:
+        if self._leap:
             self._leap = feedback.lasting(self._leap)
         if self._blocked >= self._blocked_scans or self._gripped(torque_nm, command):
             self._without_effect(torque_nm, vel, command)
