@@ -109,6 +109,8 @@ _FAMILIES: Final[dict[Place, tuple[str, ...]]] = {
         Code.BRK_05,
         Code.BRK_06,
         Code.BRK_07,
+        # Torque that goes within the 0.2 s in which the sag behind the opened brake is watched (axes 4197).
+        Code.BRK_10,
     ),
     Place.BRAKE: ("BRK-", *_CONTROL),
     Place.PLANT: (*_CONTROL, "BRK-", "THM-"),
