@@ -153,7 +153,7 @@ def stage() -> Machine:
             "plant.brake.presliding_rad": 0.005, T + "hysteresis_length_rad": 2e-4,
             "plant.motor_friction.presliding_rad": 0.02,
             "plant.roller_friction.presliding_rad": 2e-4,
-            "control.kpp_per_s": 20.0, "drive.speed_loop.kvp_nm_s_per_rad": 1e-3,
+            "control.kpp_per_s": 20.0, "monitors.following_error_base_deg": 0.04, "drive.speed_loop.kvp_nm_s_per_rad": 1e-3,
             "plant.load.inertia_kg_m2": 0.01, "plant.load.mass_kg": 0.9, "plant.load.eccentricity_m": 0.001,
             "plant.load.eccentric_check_moment_nm": 0.05,
             "plant.base.inertia_kg_m2": 1.0, "plant.base.frequency_hz": 60.0, "accuracy.chord_radius_m": 0.15,

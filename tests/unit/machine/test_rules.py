@@ -153,6 +153,10 @@ BREAKS = {
     "sag_above_resolution": {"brake.sag_max_deg": 1e-4, "encoder.counts_per_turn": 4096},
     "in_position_inside_following_error": {"monitors.in_position_window_deg": 0.03},
     "following_error_before_over_travel": {"monitors.following_error_base_deg": 0.51},
+    "following_error_beyond_accelerations": {
+        "control.scan_period_ms": 10.0, "monitors.following_error_base_deg": 0.0019,
+        "monitors.in_position_window_deg": 0.001,
+    },
     "velocity_deviation_can_act": {"monitors.velocity_deviation_deg_s": 6.0},
     "tolerance_longer_than_dwell": {"monitors.in_position_tolerance_time_s": 0.2},
     "saturation_within_overload": {

@@ -34,6 +34,28 @@ def broken(changes: dict[str, object]) -> set[str]:
     return set()
 
 
+@pytest.mark.parametrize(
+    ("changes", "least_deg"),
+    [
+        # 2 deg/s2 of the released key x 5 ms / 10 per s = 1 mdeg, twice that with a warning at half of the band.
+        ({"control.scan_period_ms": 10.0}, 2e-3),
+        # A move that is steeper than that, speeding up or slowing down: 3 x 5 ms / 10 per s.
+        ({"control.scan_period_ms": 10.0, "virtual_axis.acc_deg_s2": 3.0}, 3e-3),
+        ({"control.scan_period_ms": 10.0, "virtual_axis.dec_deg_s2": 3.0}, 3e-3),
+        # On a bus one scan more: 2 x 15 ms / 10 per s.
+        (CAN | {"control.scan_period_ms": 10.0}, 6e-3),
+        ({"control.scan_period_ms": 10.0, "control.kpp_per_s": 5.0}, 4e-3),
+        ({"control.scan_period_ms": 10.0, "monitors.following_error_warning_ratio": 0.8}, 1.25e-3),
+    ],
+)
+def test_an_acceleration_alone_warns_nobody(changes: dict[str, object], least_deg: float) -> None:
+    small = {**changes, "monitors.in_position_window_deg": 1e-3}
+    told = "or every acceleration warns"
+    for factor, fits in ((1.001, True), (0.999, False)):
+        found = broken(small | {"monitors.following_error_base_deg": factor * least_deg})
+        assert any(told in each for each in found) is not fits
+
+
 @pytest.mark.parametrize("end", ["over_travel_min_deg", "over_travel_max_deg"])
 @pytest.mark.parametrize(("room_deg", "fits"), [(0.031, True), (0.029, False)])
 def test_the_following_error_trips_before_over_travel_at_either_end(

@@ -155,7 +155,7 @@ TOO_SMALL_UNNOTICED = {
     "speed.creep_deg_s": list(FACTORS),
     "virtual_axis.acc_deg_s2": list(FACTORS),  # a gentle one is slow, not wrong
     "virtual_axis.dec_deg_s2": list(FACTORS),
-    "control.kpp_per_s": list(FACTORS),
+    "control.kpp_per_s": [60.0],
     "motor.inertia_kg_m2": [60.0, 360.0, 1000.0, 1144.0],  # small servo motors are that light
     "brake.close_time_ms": [60.0],
     "plant.load.inertia_kg_m2": list(FACTORS),  # a light load on a strong motor
