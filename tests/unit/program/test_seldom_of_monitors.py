@@ -72,6 +72,13 @@ def test_the_time_of_a_stop_counts_from_its_alarm():
     assert stop.scan(3499) is before
     assert stop.scan(3501) is not before
     assert stop.steps == [W.STOP_UNCONFIRMED]
+    stop = Stop(at_scan=3000)
+    stop.scan(3002, state=OFF)
+    stop.scan(3040, brake_open=False)
+    stop.scan(3400, deg_s=0.0)
+    stop.scan(3500, over=True)
+    times = [stop.value(words, "time_ms") for words in stop.steps[:3]]
+    assert times == approx([2.0, 40.0, 400.0])
 
 
 def test_the_record_of_a_stop_is_written_to_its_end_and_no_further():
