@@ -6,8 +6,9 @@ import pytest
 
 from gantryctl.image import DigitalInputs, Direction
 from gantryctl.program import AxisState, Code, PowerPhase
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command_checks import inside_turn
-from gantryctl.program.axis.parameters import Parameter
+from gantryctl.program.axis.parameters import Parameter, read_parameter, write_parameter
 from gantryctl.program.blocks import (
     BrakeTest,
     Cam,
@@ -25,7 +26,8 @@ from gantryctl.program.settings import StandstillPolicy, TravelSettings
 from gantryctl.units import deg, rad
 from unit.program.block_bench import Bench, call, outputs, standing
 from unit.program.brake_rig import PASSED, TestRig
-from unit.program.rig import Rig, powered, settings
+from unit.program.parts import BOTH
+from unit.program.rig import Rig, moving_rig, powered, settings
 from unit.program.test_blocks_position import modulo_rig
 
 
@@ -218,3 +220,13 @@ def test_a_new_speed_after_the_key_was_released_moves_nothing_on(rig: Rig, key: 
     assert abs(rig.vel_deg_s) < before
     rig.run(1.0)
     assert rig.vel_deg_s == 0.0
+
+
+@BOTH
+def test_the_following_error_that_trips_is_told_for_either_direction_and_in_motion_no_number_is_taken_for_another(
+    way,
+):
+    """0.03 deg, and 12 ms of 6 deg/s."""
+    rig = moving_rig(at_deg=-50.0 * way)
+    assert deg(read_parameter(rig.axis, Parameter.MAX_POSITION_LAG)) == pytest.approx(0.03 + 0.012 * 6.0)
+    assert write_parameter(rig.axis, 99, 1.0).values["reason"] == Words.NO_PARAMETER(number=99)

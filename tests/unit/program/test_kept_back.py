@@ -244,3 +244,38 @@ def test_what_a_motion_needs_is_forgotten_by_service_where_a_brake_has_dragged(d
     assert rig.axis.reset(service=service) is None
     rig.run(0.01)
     assert bool(rig.axis.torque_weights) is kept
+
+
+@pytest.mark.parametrize("remote", [True, False])
+def test_a_move_has_a_speed_of_the_setting_from_a_remote_screen_too(remote):
+    """0.3 deg/s is what a program may creep with, and nobody sets."""
+    rig = powered()
+    rig.op(move=True, target_rad=rad(5.0), speed_rad_s=rad(0.3), remote=remote)
+    assert "speed must be within 0.60 and 6.00 deg/s" in rig.refused()
+    rig.run(0.1)
+    assert rig.axis.motion.current is None
+
+
+def test_the_way_back_to_the_mode_in_force_is_no_change():
+    rig = powered()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(3.0))
+    press(rig, forward=True)
+    rig.hold_key(0.5)
+    rig.op(mode=Mode.INCREMENTAL)
+    assert rig.axis.refusal_count == 1
+    rig.op(mode=Mode.CONTINUOUS)
+    assert rig.axis.refusal_count == 1
+
+
+def test_a_warning_that_keeps_the_next_motion_back_is_no_end_of_the_one_under_way():
+    rig = powered()
+    rig.move(20.0)
+    rig.run(1.0)
+    rig.axis.alarms.raise_(Code.BRK_08, measured="slipped")
+    rig.run(0.2)
+    assert rig.axis.alarms.blocking() is not None
+    assert rig.program.move.active
+    assert rig.vel_deg_s > 1.0
+    # What stops it then is told as that.
+    rig.op(quick_stop=True)
+    assert rig.program.move.error_id is Code.INT_06

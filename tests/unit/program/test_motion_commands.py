@@ -60,6 +60,8 @@ def test_paused_is_a_motion_that_override_0_holds_back_under_way_or_before_the_b
     assert not parked.axis.paused, "nothing is under way"
     parked.move(5.0)
     assert parked.axis.paused
+    parked.op(override=0.001)
+    assert not parked.axis.paused, "the least that moves"
     parked.op(override=1.0)
     assert not parked.axis.paused
     parked.until(lambda: abs(parked.vel_deg_s) > 1.0, 5.0)

@@ -405,3 +405,19 @@ def test_a_motion_has_its_torque_in_the_scan_in_which_it_is_taken():
 def test_the_zero_of_turns_of_an_odd_count_is_kept_to_the_count(counts, kept):
     """Turns of 101 counts: as far as 50 on either side it is the zero itself."""
     assert Turns(Fraction(101), 30.0).kept_zero(counts, 1000) == kept
+
+
+def test_a_stop_of_a_brake_test_is_done_at_once():
+    rig = Rig()
+    rig.op(brake_test=True)
+    rig.until(lambda: rig.axis.power.phase is P.TESTING, 2.0)
+    assert rig.axis.stop().status is CommandStatus.DONE
+
+
+def test_an_axis_that_is_off_is_switched_on_in_the_scan_in_which_it_was_switched_off_once_more():
+    rig = Rig()
+    rig.step()
+    rig.axis.power_off()
+    assert rig.axis.power_on() is None
+    rig.run(1.5)
+    assert rig.axis.power.phase is P.ON
