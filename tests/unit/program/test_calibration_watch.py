@@ -342,14 +342,19 @@ class TestFlankSwing:
         assert told[:-1] == [None] * 23
         assert told[-1] == pytest.approx(gap_of(5e3, jerk, self.INERTIA, self.WINDUP), rel=1e-6)
 
+    @pytest.mark.parametrize("way", [1.0, -1.0])
     @pytest.mark.parametrize(("beyond_nm", "known"), [(0.0, False), (1.0, True)])
-    def test_the_flank_is_known_beyond_its_torque_and_not_at_it(self, beyond_nm: float, known: bool) -> None:
-        """On one side exactly, on the other far beyond."""
+    def test_the_flank_is_known_beyond_its_torque_and_not_at_it(
+        self, beyond_nm: float, known: bool, way: float
+    ) -> None:
+        """On one side exactly, on the other far beyond; at the end of a ramp that fades, of either direction."""
         for begin, end in ((self.FLANK + beyond_nm, -9e3), (9e3, -self.FLANK - beyond_nm)):
             swing = FlankSwing(self.INERTIA, self.WINDUP, self.FLANK, self.SAMPLE_S)
-            swing.sample(0.0, begin, 0.0)
-            swing.sample(-self.JERK * self.SAMPLE_S, end, 0.0)
-            told = [swing.sample(-self.JERK * self.SAMPLE_S, end, math.cos(k)) for k in range(60)]
+            acc = -way * self.JERK * self.SAMPLE_S
+            swing.sample(0.0, way * begin, 0.0)
+            swing.sample(acc, way * end, 0.0)
+            swing.sample(1.1 * acc, way * end, 0.0)
+            told = [swing.sample(1.1 * acc, way * end, math.cos(k)) for k in range(60)]
             assert any(gap is not None for gap in told) is known
 
     def test_a_ramp_that_stays_on_its_flank_tells_nothing(self) -> None:
