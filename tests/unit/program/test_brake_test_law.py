@@ -186,6 +186,7 @@ def test_the_first_verdict_stays_but_for_a_brake_that_slips_afterwards():
     assert motor.test.outcome is BrakeTestOutcome.PASSED
     motor.to(P.DISABLING)
     motor.test.slipped_afterwards()
+    assert motor.test.words is Words.TEST_SLIPPED_AFTER
     assert motor.test.finish().outcome is BrakeTestOutcome.FAILED
     motor.test.prepare(HOLD_NM)
     assert motor.test.outcome is BrakeTestOutcome.NONE
