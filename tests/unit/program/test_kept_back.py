@@ -279,3 +279,13 @@ def test_a_warning_that_keeps_the_next_motion_back_is_no_end_of_the_one_under_wa
     # What stops it then is told as that.
     rig.op(quick_stop=True)
     assert rig.program.move.error_id is Code.INT_06
+
+
+def test_a_brake_that_opens_behind_an_angle_in_doubt_is_told():
+    """An alarm is latched, the drive is off, and nobody knows where the axis is: all the more the contact counts."""
+    rig = encoder_alarm()
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.run(1.0)
+    assert rig.axis.is_off
+    assert rig.axis.feedback.in_doubt
+    assert rig.codes == ["ENC-05", "BRK-06"]

@@ -499,21 +499,25 @@ def test_of_two_ways_of_half_a_turn_a_move_without_a_direction_takes_the_positiv
     assert command.target_rad == approx(math.pi)
 
 
-def test_the_direction_is_that_of_the_turning_axis_and_at_rest_that_of_its_last_motion():
-    rig = Rig(at_deg=100.0, config=modulo())
+@BOTH
+def test_the_direction_is_that_of_the_turning_axis_and_at_rest_that_of_its_last_motion(way):
+    back_way, on_way = (
+        (Direction.NEGATIVE, Direction.POSITIVE) if way > 0.0 else (Direction.POSITIVE, Direction.NEGATIVE)
+    )
+    rig = Rig(at_deg=100.0 * way, config=modulo())
     rig.power_up()
     motion = rig.axis.motion
-    back = motion.move_absolute(rad(50.0), rad(6.0), Direction.NEGATIVE)
+    back = motion.move_absolute(way * rad(50.0), rad(6.0), back_way)
     rig.until(lambda: back.status is CommandStatus.DONE, 20.0)
-    at_rest = motion.move_absolute(rad(80.0), rad(6.0), Direction.CURRENT)
-    assert deg(at_rest.target_rad) == approx(80.0 - 360.0)
+    at_rest = motion.move_absolute(way * rad(80.0), rad(6.0), Direction.CURRENT)
+    assert deg(at_rest.target_rad) == approx(way * (80.0 - 360.0))
     rig.run(0.1)
-    assert rig.vel_deg_s < 0.0
+    assert way * rig.vel_deg_s < 0.0
     # Turned round, it still goes on for a moment.
-    motion.move_absolute(rad(200.0), rad(6.0), Direction.POSITIVE)
-    assert rig.vel_deg_s < 0.0
-    turning = motion.move_absolute(rad(80.0), rad(6.0), Direction.CURRENT)
-    assert deg(turning.target_rad) == approx(80.0 - 360.0)
+    motion.move_absolute(way * rad(200.0), rad(6.0), on_way)
+    assert way * rig.vel_deg_s < 0.0
+    turning = motion.move_absolute(way * rad(80.0), rad(6.0), Direction.CURRENT)
+    assert deg(turning.target_rad) == approx(way * (80.0 - 360.0))
 
 
 @pytest.mark.parametrize(
