@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from gantryctl.program.alarms.words import Said
 from gantryctl.service.command.arming import Arming, check_armed
 from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.messages import Identity, MessageRefused
@@ -95,3 +96,30 @@ def test_ends_of_connections_mean_nothing_while_nothing_is_armed() -> None:
     arming.use()
     assert arming.now(7, 100.0) is None
     assert arming.left_s(7, 100.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arming", "who", "words"),
+    [
+        (Arming(), ANNA, "ARM_FIRST"),
+        (Arming(second_person=True), BELA, "OTHER_ARMS_FIRST"),
+        (armed(), BELA, "ARMED_ELSEWHERE"),
+        (armed(second_person=True), ANNA, "OTHER_EXECUTES"),
+        (armed(second_person=True), NOBODYS, "PERSON_UNKNOWN"),
+    ],
+)
+def test_who_may_not_execute_is_told_what_is_missing(arming: Arming, who: Identity, words: str) -> None:
+    """Another person is named where there must be two, and only there."""
+    with pytest.raises(MessageRefused) as refused:
+        check_armed(arming.now(7, 101.0), TEST, who, second_person=arming.second_person)
+    reason = refused.value.refusal.values["reason"]
+    assert isinstance(reason, Said)
+    assert reason.words.name == words
+
+
+def test_only_a_known_person_arms_what_another_one_executes() -> None:
+    arming = Arming(second_person=True)
+    with pytest.raises(MessageRefused, match="nobody knows whose account root is"):
+        arming.arm(TEST, NOBODYS, 7, 100.0)
+    assert arming.now(7, 100.0) is None
+    Arming().arm(TEST, NOBODYS, 7, 100.0)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.command import lease
+from gantryctl.service.command.frame_clock import FrameClock
 from gantryctl.service.command.lease import HoldToRun
+from gantryctl.service.protocol.frames import mark_of
 from gantryctl.service.protocol.limits import HELD_S
 
 # A lease of 250 ms at a scan of 10 ms: the last scan in which the key is held begins less than 240 ms after the frame.
@@ -129,3 +133,33 @@ def test_a_dead_key_is_told_why_it_has_ended() -> None:
     assert str(Words.LEASE_RAN_OUT) in str(late.renew("a", "page", 100.3, 100.3))
     # Also afterwards, whoever asks.
     assert str(Words.LEASE_RAN_OUT) in str(late.renew("a", "page", 100.4, 100.41))
+
+
+def test_at_the_start_no_key_is_held_and_none_was_renewed() -> None:
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    assert (hold.alive, hold.forward, hold.reverse, hold.client, hold.count) == (False, False, False, "", 0)
+    assert (hold.ended, hold.too_long, hold.left_s(100.0)) == (None, False, 0.0)
+
+
+def test_each_press_and_each_renewal_is_one_of_the_count() -> None:
+    hold = held()
+    assert hold.count == 1
+    hold.renew("a", "page", 100.05, 100.15)
+    assert hold.count == 2
+
+
+def test_without_a_key_nothing_is_renewed() -> None:
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    assert hold.renew("", "", 100.0, 100.0) is not None
+    assert hold.count == 0
+
+
+def test_a_status_frame_is_as_old_as_its_scan_by_the_clock_of_the_controller() -> None:
+    """The count begins at 5 s: a quarter of a second later the frame has 250 ms, and whoever names it saw 5.25 s."""
+    clock = FrameClock(5.0)
+    assert clock.issued_ms == 0
+    clock.tick(5.2509)
+    assert clock.issued_ms == 250
+    mark = mark_of(250, clock.key, "page")
+    assert clock.issued_s(mark, "page") == pytest.approx(5.25)
+    assert math.isnan(clock.issued_s(mark, "other"))

@@ -268,13 +268,31 @@ def test_the_speed_of_the_last_run_within_the_limits_of_this_one(
 
 @pytest.mark.parametrize(
     ("last_deg", "begins_deg"),
-    [(None, 1.0), (2.0, 2.0), (0.0, 1.0), (-2.0, 1.0), (361.0, 1.0), (0.002, 0.002)],
+    [
+        (None, 1.0),
+        (2.0, 2.0),
+        (0.0, 1.0),
+        (-2.0, 1.0),
+        (361.0, 1.0),
+        (0.002, 0.002),
+        (0.001, 0.001),
+        (360.0, 360.0),
+    ],
 )
 def test_the_increment_of_the_last_run_where_it_still_fits(last_deg: float | None, begins_deg: float) -> None:
     last = None if last_deg is None else rad(last_deg)
     levels = first_levels(default_machine(), 4.0, None, last)
     assert levels.increment_rad == pytest.approx(rad(begins_deg), rel=1e-12)
     assert levels.override == 1.0
+
+
+@pytest.mark.parametrize("kind", ["move", "jog", "halt", "set", "mode", "give"])
+def test_a_lock_that_service_may_reset_asks_nothing_of_its_other_commands(kind: str) -> None:
+    """Only the reset itself must be armed."""
+    locked = situation(holder=SERVICE, reset_locked=True)
+    check_allowed(message(kind), SERVICE, locked)
+    with pytest.raises(MessageRefused):
+        check_allowed(message("reset"), SERVICE, locked)
 
 
 def test_times_of_a_refusal_are_told_in_ms() -> None:
