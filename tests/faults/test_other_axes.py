@@ -18,6 +18,7 @@ from gantryctl.engineering.faults.run import FaultRun, conditions_of, fault_mach
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.monitors import drag
 from gantryctl.wiring import program, simulator
 from support.delivered_axes import CONFIGS, DRAFTS, axis_of
 from support.fault_rows import seen_by
@@ -187,3 +188,12 @@ PARTS = [ROWS[at : at + 8] for at in range(0, len(ROWS), 8)]
 def test_every_fault_on_every_axis(name: str, rows: list[str], oracle: Oracle) -> None:
     machine = axis_of(name)
     assert [wrong for number in rows for wrong in against(machine, number, oracle)] == []
+
+
+@pytest.mark.slow
+def test_a_drag_that_stops_the_motion_half_a_second_late_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wind helps the dish, so the mean of the drag begins far below nothing; 0.2 s more are permitted."""
+    run = FaultRun(fault_case("B3"), axis_of("azimuth_dish"))
+    assert run_fault(run).faults == ()
+    monkeypatch.setattr(drag, "_LASTS_S", 1.5)
+    assert any("permitted" in each for each in run_fault(run).faults)
