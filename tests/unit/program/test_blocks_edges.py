@@ -1,6 +1,7 @@
 """Blocks at the edges of their inputs: what is refused, what shows and for how long, and whose value is told."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -19,11 +20,14 @@ from gantryctl.program.blocks import (
     MoveVelocity,
     ReadActualPosition,
     ReadAxisError,
+    ReadBoolParameter,
+    ReadParameter,
     TouchProbe,
     WriteParameter,
 )
 from gantryctl.program.settings import StandstillPolicy, TravelSettings
 from gantryctl.units import deg, rad
+from unit.program.asked_axis import Asked
 from unit.program.block_bench import Bench, call, outputs, standing
 from unit.program.brake_rig import PASSED, TestRig
 from unit.program.parts import BOTH
@@ -230,3 +234,24 @@ def test_the_following_error_that_trips_is_told_for_either_direction_and_in_moti
     rig = moving_rig(at_deg=-50.0 * way)
     assert deg(read_parameter(rig.axis, Parameter.MAX_POSITION_LAG)) == pytest.approx(0.03 + 0.012 * 6.0)
     assert write_parameter(rig.axis, 99, 1.0).values["reason"] == Words.NO_PARAMETER(number=99)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "value"), [(ReadParameter, 8, rad(6.0)), (ReadBoolParameter, 4, True)]
+)
+def test_a_parameter_is_valid_where_it_is_one_and_the_block_enabled(
+    kind: Any, number: int, value: object
+) -> None:
+    block = kind(Asked())
+    for enable, asked, valid in (
+        (True, number, True),
+        (False, number, False),
+        (True, 99, False),
+        (False, 99, False),
+    ):
+        block(enable=enable, parameter_number=asked)
+        assert (block.valid, block.error) == (valid, enable and not valid)
+        if valid:
+            assert block.value == pytest.approx(value)
+        else:
+            assert block.value is False or math.isnan(block.value)

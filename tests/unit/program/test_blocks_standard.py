@@ -140,3 +140,10 @@ def test_a_pulse_that_an_impossible_time_has_ended_begins_with_an_edge_only() ->
     ):
         pulse(in_=True, pt_s=pt_s, time_s=time_s)
         assert (pulse.q, pulse.error) == (q, error)
+
+
+def test_a_counter_counts_edges_alone() -> None:
+    counter = CTU()
+    for cu, count in ((False, 0), (False, 0), (True, 1), (True, 1), (False, 1), (False, 1), (True, 2)):
+        counter(cu=cu, r=False, pv=2)
+        assert (counter.cv, counter.q) == (count, count == 2)
