@@ -163,3 +163,11 @@ def test_a_status_frame_is_as_old_as_its_scan_by_the_clock_of_the_controller() -
     mark = mark_of(250, clock.key, "page")
     assert clock.issued_s(mark, "page") == pytest.approx(5.25)
     assert math.isnan(clock.issued_s(mark, "other"))
+
+
+def test_a_key_ends_in_the_scan_in_which_its_longest_time_is_over() -> None:
+    hold = HoldToRun(LEASE_S, SCAN_S)
+    hold.begin("a", "page", True, 0.0, 0.0)
+    hold.issued_s = HELD_S - 0.0625  # renewed all the time
+    assert hold.check(HELD_S)
+    assert hold.too_long

@@ -118,8 +118,11 @@ def test_events_need_a_journal_that_keeps_them_and_room_on_the_way() -> None:
 
 def test_service_acknowledges_a_damaged_journal_by_an_event_of_that_kind() -> None:
     """An event of the kind `journal` frees the lock of the journal: an operator's reset must not write one."""
-    for service, kinds in ((False, []), (True, [b'"kind":"journal"'])):
-        found = permit(journal=JournalState.LOCKED)
+    damaged, sound = JournalState.LOCKED, JournalState.OK
+    for journal, service, kinds in (
+        (damaged, False, []), (damaged, True, [b'"kind":"journal"']), (sound, True, []),
+    ):  # fmt: skip
+        found = permit(journal=journal)
         assert refused_by(found, service=service) == ""
         events = found._events._ring.peek(10)
         assert [kind for each in events if each for kind in [b'"kind":"journal"'] if kind in each] == kinds

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import AxisState, PowerPhase
+from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.protocol.limits import SILENCE_S
 from support.service_bench import Bench
 
@@ -161,3 +164,13 @@ def test_what_no_operator_has_switched_on_is_not_counted(axis: Axis) -> None:
     for later_s in (0.0, LIMIT_S, 10.0 * LIMIT_S):
         assert not unheld.due(axis.time_s + later_s, power=False)
     assert math.isnan(unheld.left_s(axis.time_s))
+
+
+@pytest.mark.parametrize(("at_rest", "due"), [(True, [False, False, True]), (False, [False, False, False])])
+def test_power_goes_off_as_its_time_is_over_and_not_while_the_set_point_moves(
+    at_rest: bool, due: list[bool]
+) -> None:
+    axis: Any = SimpleNamespace(at_rest=at_rest, state=AxisState.STANDSTILL)
+    nobody: Any = SimpleNamespace(holder=None)
+    unheld = UnheldPower(axis, nobody, 2.0)
+    assert [unheld.due(now_s, power=True) for now_s in (1.0, 2.75, 3.0)] == due
