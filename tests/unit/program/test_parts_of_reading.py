@@ -48,6 +48,35 @@ def test_a_torque_that_goes_on_leaving_a_standing_count_is_asked_about_and_one_j
 
 @BOTH
 @PERIODS
+@pytest.mark.parametrize("frozen", [True, False])
+def test_a_reading_that_froze_at_the_end_of_a_motion_is_asked_about_in_the_first_scan_at_rest(
+    period_s, way, frozen
+):
+    """The last 0.1 s of a ramp, in which the torque leaves by 20 N m: a sound count still changes in each scan."""
+    parts, watch = lives(period_s)
+
+    def move() -> None:
+        parts.feedback.torque_nm += way * 200.0 * period_s
+        parts.feedback.counts += 0.0 if frozen else 1.0
+        watch.move()
+
+    assert parts.after(move, most_s=0.1) == math.inf
+    assert (watch.dithers, watch.vel_rad_s) == (0, 0.0)
+    seconds = parts.after(lambda: watch.stand(proven=True), lambda: watch.dithers > 0, most_s=1.0)
+    assert seconds == approx(period_s if frozen else 0.5, abs=1.5 * period_s)
+
+
+def test_a_motion_ends_a_question():
+    parts, watch = lives()
+    parts.after(lambda: watch.stand(proven=True), lambda: watch.dithers > 0, most_s=1.0)
+    assert watch.asking
+    parts.after(watch.move, lambda: True)
+    assert not watch.asking
+    assert watch.vel_rad_s == 0.0
+
+
+@BOTH
+@PERIODS
 @pytest.mark.parametrize(("torque_nm", "frozen"), [(26.9, False), (27.1, True), (math.nan, True)])
 def test_a_count_that_stands_under_more_torque_than_moves_the_shaft_is_frozen(
     period_s, way, torque_nm, frozen

@@ -168,7 +168,7 @@ class Axis:
             self._site.scan(pos, powered, not self.at_rest)
         self.thermal.scan(time_s)
         power.step(pos)
-        if virtual.at_rest and power.phase is not _OFF:
+        if power.phase is not _OFF:
             self._try_reading()
         # An alarm raised in this scan acts on the output of this scan.
         if alarms.pending or self._error or self.motion.switching_off or self.recovery.resetting:
@@ -405,6 +405,10 @@ class Axis:
     def _try_reading(self) -> None:
         """Ask whether the reading lives, wherever the drive holds the axis or brings it to rest."""
         power, feedback = self.power, self.feedback
+        if not self.virtual.at_rest:
+            if power.phase is _ON:
+                self.liveness.move()
+            return
         # In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap. So it
         # may in a quick stop, but a sound one never leaves its ramp.
         if feedback.torque_nm * feedback.vel_rad_s < self._drives_against:

@@ -96,6 +96,14 @@ class Liveness:
         elif self._torque_leaves() or self._still >= (self._patience if proven else self._unproven):
             self._begin()
 
+    def move(self) -> None:
+        """One scan of an axis in motion: nobody asks, but a reading that froze on the last of it is asked at rest.
+
+        A crane of 0.84 Hz ends its ramp in 0.18 s below 0.1 deg/s; 87 N m had left by then (axes 1062).
+        """
+        self._at, self.vel_rad_s = 0, 0.0
+        self._watch_still()
+
     def stop(self) -> None:
         """One scan of a drive that comes to rest, or holds, without the controller's speed commands."""
         self._watch_still()
@@ -108,7 +116,6 @@ class Liveness:
     def _watch_still(self) -> None:
         """Count how long the reading has stood to the count."""
         feedback, scan = self._feedback, self._alarms.scan
-        # Asked at rest only: what was before a motion counts no more.
         # An old count stands because nothing newer came.
         if scan - self._scan > feedback.periods or feedback.age:
             self._counts, self._at, self.vel_rad_s = math.nan, 0, 0.0
