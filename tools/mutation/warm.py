@@ -231,7 +231,8 @@ def fresh_run(tree: PrivateTree, tests: Sequence[str], cpu_s: float) -> tuple[Fa
             _kill_group(process.pid)
     if process.returncode in {-signal.SIGXCPU, -signal.SIGKILL}:
         return Fate.TIMEOUT, ""
-    if process.returncode == 0:
+    # A test that is not there kills nothing.
+    if process.returncode == 0 or "ERROR: not found: " in told:
         return Fate.SURVIVED, ""
     failed = [line.split(" ")[1] for line in told.split("\n") if line.startswith(("FAILED ", "ERROR "))]
     return Fate.KILLED, failed[0] if failed else told[-200:]
