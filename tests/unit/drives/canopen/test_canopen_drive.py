@@ -208,7 +208,7 @@ def test_a_rated_torque_of_another_catalogue_scales_the_torques(share: float) ->
 def test_a_drive_that_never_says_that_it_follows_is_told_with_the_key() -> None:
     """DRV-05 before the time of the power-up is over, which would only say where the drive is stuck (DRV-03)."""
     rig = BusRig(bus_machine())
-    rig.inject("drive", "status_clear", value=0x1000)
+    rig.inject("drive", "status", set=0, clear=0x1000)
     rig.command(power=True)
     rig.run(3.0)
     assert rig.stops[0] == "DRV-05", rig.told
