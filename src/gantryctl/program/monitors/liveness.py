@@ -97,7 +97,7 @@ class Liveness:
             self._begin()
 
     def move(self) -> None:
-        """One scan of an axis in motion: nobody asks, but a reading that froze on the last of it is asked at rest.
+        """One scan of an axis in motion: nobody asks, but a reading that froze near its end is asked at rest.
 
         A crane of 0.84 Hz ends its ramp in 0.18 s below 0.1 deg/s; 87 N m had left by then (axes 1062).
         """
