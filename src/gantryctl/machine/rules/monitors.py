@@ -60,12 +60,10 @@ def following_error_before_over_travel(m: Machine) -> Broken:
     "drive.kind",
 )
 def following_error_beyond_accelerations(m: Machine) -> Broken:
-    """A sound axis accelerates without a warning of its following error.
-
-    A speed command is held for a scan, half a scan late on average, and a drive on a bus takes it one scan later: in an
-    acceleration a the position loop leaves a t_late / Kpp. Friction and jerk come on top: on a drafted rotary table (30
-    deg/s, 2026-11) 5.1 mdeg by this rule at 10 ms showed as 3.2 more than at 1 ms, 15.2 on a bus as 11.3 more.
-    """
+    """A sound axis accelerates without a warning of its following error: acceleration x late / Kpp."""
+    # A speed command is held for a scan, half a scan late on average, and a drive on a bus takes it one scan later.
+    # Friction and jerk come on top: on a drafted rotary table (30 deg/s, 2026-11) 5.1 mdeg by this rule at 10 ms showed
+    # as 3.2 more than at 1 ms, 15.2 on a bus as 11.3 more.
     virtual = m.virtual_axis
     steepest = max(virtual.acc_deg_s2, virtual.dec_deg_s2, virtual.jog_release_dec_deg_s2)
     late_s = (1.5 if m.on_bus else 0.5) * m.control.scan_period_ms * 1e-3
