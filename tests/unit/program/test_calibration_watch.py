@@ -254,26 +254,6 @@ class TestMemory:
         watch.restore({**watch.memory, "gap": [12.0, 1e-3, 1e-9]})
         assert watch.memory["gap"] == [12, 1e-3, 1e-9]
 
-    @pytest.mark.parametrize(
-        "broken",
-        [
-            {"found": {"weather": [1.0, 2.0]}},
-            {"found": {"moment": [1.0]}},
-            {"gap": [1.0, 2.0]},
-            {"gap": [1.0, 0.0, -1.0]},
-            {"torque": [0.0]},
-            {"torque": None},
-            {"ring": "x"},
-            {"found": None},
-        ],
-    )
-    def test_a_broken_memory_changes_nothing(self, broken: dict[str, object]) -> None:
-        watch = new_watch()
-        turned(watch, moment=20e3)
-        again = new_watch()
-        again.restore({**watch.memory, **broken})
-        assert again.found == {}
-
     @pytest.mark.parametrize(("square", "told"), [(0.0, True), (-1e6, False)])
     def test_sums_that_no_motion_makes_tell_nothing(self, square: float, *, told: bool) -> None:
         """A sum of squares below zero has no solution."""

@@ -215,14 +215,17 @@ class CalibrationWatch:
         if memory.get("calibration") != self.settings.identity or not isinstance(kept, dict) or len(gap) != 3:
             return
         found = {name: _numbers(kept[name]) for name in NAMES if name in kept}
-        sound = len(found) == len(kept) and all(len(pair) == 2 for pair in found.values())
-        if (
-            sound
+        sound = (
+            len(found) == len(kept)
+            and all(len(pair) == 2 for pair in found.values())
             and gap[0] >= 0.0
             and gap[2] >= 0.0
-            and self._torque.restore(torque)
-            and self._ring.restore(ring)
-        ):
+            and self._torque.fits(torque)
+            and self._ring.fits(ring)
+        )
+        if sound:
+            self._torque.restore(torque)
+            self._ring.restore(ring)
             self._gap.count, self._gap.mean, self._gap.variance = int(gap[0]), gap[1], gap[2]
             self.found = {name: Finding(*pair) for name, pair in found.items()}
 

@@ -41,12 +41,13 @@ class RunningFit:
         """How full the memory is: 0 of a new one, 1 - 1/e after as many samples as it keeps, towards 1."""
         return self._sums[0] * (1.0 - self._kept)
 
-    def restore(self, sums: Sequence[float]) -> bool:
-        """Go on from retained sums; those of another fit change nothing."""
-        fits = len(sums) == len(self._sums) and all(map(math.isfinite, sums))
-        if fits:
-            self._sums = list(sums)
-        return fits
+    def fits(self, sums: Sequence[float]) -> bool:
+        """Whether retained sums are of such a fit."""
+        return len(sums) == len(self._sums) and all(map(math.isfinite, sums))
+
+    def restore(self, sums: Sequence[float]) -> None:
+        """Go on from retained sums."""
+        self._sums = list(sums)
 
     def add(self, columns: Sequence[float], y: float) -> None:
         """Add one sample."""
