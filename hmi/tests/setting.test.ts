@@ -76,6 +76,18 @@ describe('a setting', () => {
     );
     await vi.waitFor(() => expect(field.value).toBe('0.100'));
   });
+
+  test.each([
+    ['off', 'No connection: the command was not sent. Use the stop devices at the machine.'],
+    ['silent', 'No answer from the controller.'],
+  ])('that has no reply (%s) says so, and keeps what was typed', async (text, words) => {
+    vi.spyOn(link, 'send').mockResolvedValue({ ...DONE, ok: false, text });
+    const { field, button, why } = setting();
+    type(field, '0.25');
+    button.click();
+    await vi.waitFor(() => expect(why()).toBe(words));
+    expect(field.value).toBe('0.25');
+  });
 });
 
 describe('motion and Stop', () => {

@@ -127,7 +127,8 @@ class Link {
     this.open = false;
     this.#socket = null;
     this.#judge(true);
-    for (const settle of [...this.#replies.values()]) settle(noAnswer('off'));
+    // These were sent, and may have been executed.
+    for (const settle of [...this.#replies.values()]) settle(noAnswer('silent'));
     if (code === CLOSED.session) this.session = null;
     else if (this.session !== null) this.#later();
   }

@@ -1,6 +1,7 @@
 // What the service says, in the language of the page: its English text, or Chinese made of code and values.
 import { CODES, ENGLISH, WORDS } from './codes';
-import { prefs, word } from './prefs.svelte';
+import { prefs, t, word } from './prefs.svelte';
+import type { Reply } from './protocol';
 import type { AlarmRow, Message, Values } from './tables';
 
 /** Fields that hold a word of the service: the group that it is of. */
@@ -11,6 +12,13 @@ export function said(messages: Message[] | null | undefined, english: string | n
   if (prefs.language !== 'zh' || !messages?.length) return english ?? '';
   const found = messages.map(inChinese);
   return found.includes('') ? (english ?? '') : found.join('，');
+}
+
+/** What became of a command: the text of its reply, or of the page where there is none. */
+export function answered(reply: Pick<Reply, 'code' | 'text' | 'values'>): string {
+  if (reply.text === 'off') return t('no_connection');
+  if (reply.text === 'silent') return t('no_answer');
+  return said([reply], reply.text);
 }
 
 /** A message that the page itself has made: with its code, and in the words of the service. */

@@ -69,6 +69,8 @@ export function label(deg: number, tags: Known): string {
 /** The angle of the axis that a person means who types what the page shows. */
 export function meant(deg: number, tags: Known): number {
   if (tags.display !== '0..360' || modulo(tags) || (low(tags) <= deg && deg <= high(tags))) return deg;
+  // 500° is no angle that the page shows, and -190° is one beyond travel: nothing is guessed.
+  if (deg < 0 || deg > 360) return deg;
   return [deg - 360, deg + 360].find((angle) => low(tags) <= angle && angle <= high(tags)) ?? deg;
 }
 

@@ -25,8 +25,11 @@ def test_iec_61217_counts_from_0_to_360(angle_deg: float, read_deg: float) -> No
 
 @pytest.mark.parametrize(
     ("typed_deg", "angle_deg"),
-    [(350.0, -10.0), (190.0, -170.0), (180.0, 180.0), (-10.0, -10.0), (360.0, 0.0), (900.0, 900.0)],
-)
+    [
+        (350.0, -10.0), (190.0, -170.0), (180.0, 180.0), (-10.0, -10.0), (360.0, 0.0),
+        (900.0, 900.0), (500.0, 500.0), (360.1, 360.1), (-190.0, -190.0),
+    ],
+)  # fmt: skip
 def test_what_the_display_shows_may_be_typed(typed_deg: float, angle_deg: float) -> None:
     assert IEC.axis.meant_deg(typed_deg) == angle_deg
     # Where angles are signed, 350 deg lie beyond travel, and nothing is guessed.

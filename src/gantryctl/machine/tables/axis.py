@@ -170,7 +170,9 @@ class AxisTable(Table):
     def meant_deg(self, typed_deg: float) -> float:
         """Angle of the axis that a person means who types what the display shows."""
         low, high = self.pos_min_deg, self.pos_max_deg
-        if self.modulo or self.display == "-180..180" or low <= typed_deg <= high:
+        # 500 deg is no angle that the display shows, and -190 deg is one beyond travel: nothing is guessed.
+        shown = 0.0 <= typed_deg <= 360.0
+        if self.modulo or self.display == "-180..180" or low <= typed_deg <= high or not shown:
             return typed_deg
         turned = (typed_deg - 360.0, typed_deg + 360.0)
         return next((angle for angle in turned if low <= angle <= high), typed_deg)

@@ -1,0 +1,56 @@
+import { expect, test } from 'vitest';
+import { moveTime, num, signed, speedText, typed } from '../src/lib/format';
+import { History } from '../src/lib/history';
+
+test('a number has a real minus, no minus at zero, and a dash where it is not known', () => {
+  expect([num(-1.25, 1), num(-0.004, 2), num(null, 2), num(undefined, 0)]).toEqual([
+    '−1.3',
+    '0.00',
+    '–',
+    '–',
+  ]);
+  expect([signed(0.004, 2), signed(0.006, 2), signed(-3, 0), signed(null, 1)]).toEqual([
+    '0.00',
+    '+0.01',
+    '−3',
+    '–',
+  ]);
+});
+
+test('a speed is shown in deg/s and r/min: 6 deg/s are 1 r/min', () => {
+  expect(speedText(3, 2)).toBe('3.00 °/s (0.500 r/min)');
+  expect(speedText(null, 2)).toBe('– °/s (– r/min)');
+});
+
+test.each([
+  ['90', 90],
+  [' -1,5 ', -1.5],
+  ['−0.25', -0.25],
+  ['+.5', 0.5],
+  ['1,000.5', null],
+  ['9o', null],
+  ['1e3', null],
+  ['', null],
+  ['-', null],
+  ['5 6', null],
+])('%s is the number %s', (text, value) => {
+  expect(typed(text)).toBe(value);
+});
+
+test('a move takes the time of its trapezoid, or of its triangle where it is short', () => {
+  expect(moveTime(90, 6, 0.4)).toBeCloseTo(30, 9); // 90 = 36 / 0.4: the speed is just reached
+  expect(moveTime(-120, 6, 0.4)).toBeCloseTo(35, 9);
+  expect(moveTime(10, 6, 0.4)).toBeCloseTo(10, 9); // 5 s up, 5 s down
+});
+
+test('a strip chart keeps ten minutes, and a gap is a row of nothing', () => {
+  const history = new History();
+  for (let n = 0; n < 7000; n++) history.add({ time_s: 0.1 * n, pos_act_deg: n }, 0.1 * n);
+  expect(history.last(1000).time_s.length).toBeGreaterThanOrEqual(6000);
+  expect(history.last(10).pos_act_deg).toHaveLength(101);
+  history.gap();
+  history.add({ time_s: 705, pos_act_deg: 1 }, 705);
+  expect(history.last(5.11).pos_act_deg).toEqual([6999, null, 1]);
+  history.add({ time_s: 705, pos_act_deg: 2 }, 705.1); // the same scan again
+  expect(history.last(1).pos_act_deg).toEqual([1]);
+});
