@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from gantryctl.program.alarms.codes import Code
-from gantryctl.service.command import inbox as module
 from gantryctl.service.command.arming import Arming
-from gantryctl.service.command.inbox import OF_CLIENT, OF_SOURCE, CommandQueue, Gone, Inbox, PendingCommand
+from gantryctl.service.command.inbox import CommandQueue, Gone, Inbox, PendingCommand
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import Source
 from gantryctl.service.memory.ring import Ring
@@ -97,15 +96,15 @@ def test_a_message_that_is_not_understood_is_answered_by_its_number() -> None:
 
 def test_one_page_may_have_sixteen_waiting_and_its_source_a_hundred_and_twenty_eight() -> None:
     queue = CommandQueue()
-    assert all(queue.append(pending("a")) for _ in range(OF_CLIENT))
+    assert all(queue.append(pending("a")) for _ in range(16))
     assert not queue.append(pending("a"))
     assert queue.append(pending("b"))
     while len(queue):
         queue.take()
     # Places are given back.
-    assert all(queue.append(pending("a")) for _ in range(OF_CLIENT))
+    assert all(queue.append(pending("a")) for _ in range(16))
     queue.clear()
-    assert all(queue.append(pending(f"page {n}")) for n in range(OF_SOURCE))
+    assert all(queue.append(pending(f"page {n}")) for n in range(128))
     assert not queue.append(pending("one more"))
     # The console of the machine is a source of its own.
     assert queue.append(pending("shell", source=1))
@@ -125,10 +124,10 @@ def test_of_signs_of_life_the_newest_waits() -> None:
 
 def test_a_full_queue_is_told() -> None:
     link = Link()
-    for seq in range(OF_CLIENT + 1):
+    for seq in range(17):
         link.send(who("a"), type="halt", seq=seq, frame=MARK, epoch=7)
     link.receive()
-    assert [(each["seq"], each["code"]) for each in link.answers()] == [(OF_CLIENT, "SEC-06")]
+    assert [(each["seq"], each["code"], each["epoch"]) for each in link.answers()] == [(16, "SEC-06", 7)]
 
 
 def test_signs_of_life_count_from_the_holder_only_and_a_dead_key_is_told() -> None:
@@ -158,7 +157,7 @@ def test_a_number_counts_once_and_only_upwards(seq: int, taken: bool) -> None:
 
 def test_the_numbers_of_a_thousand_connections_are_kept_and_those_of_one_that_has_gone_are_not() -> None:
     link = Link()
-    for n in range(module._CLIENTS + 1):
+    for n in range(1025):
         link.inbox.check_sequence(pending(f"page {n}", seq=1))
     with pytest.raises(MessageRefused):
         link.inbox.check_sequence(pending("page 1", seq=1))
@@ -172,7 +171,7 @@ def test_a_page_that_goes_on_commanding_is_not_forgotten_for_others() -> None:
     """Of 1024 connections that are remembered the one that was quiet for longest goes, not the one that came first."""
     link = Link()
     link.inbox.check_sequence(pending("first", seq=1))
-    for n in range(module._CLIENTS - 1):
+    for n in range(1023):
         link.inbox.check_sequence(pending(f"page {n}", seq=1))
     link.inbox.check_sequence(pending("first", seq=2))
     link.inbox.check_sequence(pending("newcomer", seq=1))
@@ -244,3 +243,66 @@ def test_a_refused_sign_of_life_waits_for_no_event() -> None:
     link.inbox.answer(pending("a", "renew"), refused, 7)
     assert [(each["code"], each["journal"]) for each in link.answers()] == [("SEC-09", 0)]
     assert not link.events()
+
+
+def test_a_reply_of_300_characters_is_whole_and_a_longer_one_is_cut() -> None:
+    link = Link(reply_slot=2048)
+    for length in (200, 1000):
+        link.inbox.answer(pending("a"), MessageRefused(Code.SEC_05, reason="x" * length), 7)
+    whole, cut = (each["text"] for each in link.answers())
+    assert whole.endswith("x" * 200)
+    assert len(cut) == 300
+
+
+@pytest.mark.parametrize(("more", "values"), [(0, True), (1, False)])
+def test_a_reply_as_long_as_its_slot_keeps_its_values(more: int, values: bool) -> None:
+    """A character of the reason stands in the text and in the values, one of the client's name once."""
+    probe = Link(reply_slot=2048)
+    probe.inbox.answer(pending("a"), MessageRefused(Code.SEC_05, reason="x"), 7)
+    record = probe.replies[0].peek(1)[0]
+    assert record is not None
+    link = Link(reply_slot=512)
+    reason, name = divmod(512 - 8 - len(record), 2)
+    client = "a" * (1 + name + more)
+    link.inbox.answer(pending(client), MessageRefused(Code.SEC_05, reason="x" * (1 + reason)), 7)
+    (reply,) = link.answers()
+    assert bool(reply["values"]) is values
+
+
+def test_a_refusal_has_the_time_of_its_scan_and_its_reply_the_number_of_the_event() -> None:
+    link = Link()
+    link.inbox.time_s = 12.5
+    link.send(who("a"), type="dance", seq=5)
+    link.receive()
+    link.inbox.answer(pending("b"), MessageRefused(Code.SEC_05, reason="no"), 7)
+    assert [(each["user"], each["values"]["time_s"]) for each in link.events()] == [("a", 12.5), ("b", 12.5)]
+    assert [(each["seq"], each["journal"]) for each in link.answers()] == [(5, 1), (1, 2)]
+
+
+def test_a_note_is_an_event_with_its_line_and_the_time_of_its_scan() -> None:
+    link = Link()
+    link.inbox.time_s = 12.5
+    link.inbox.answer(
+        PendingCommand(0, who("a"), Message("note", 1, MARK, 7, {"line": "oil changed"})), None, 7
+    )
+    (event,) = link.events()
+    assert (event["kind"], event["text"], event["values"]) == ("note", "oil changed", {"time_s": 12.5})
+
+
+def test_the_end_of_a_connection_frees_no_number_of_another_one() -> None:
+    link = Link()
+    link.inbox.check_sequence(pending("a", seq=5))
+    link.send(who("b"), type="gone")
+    link.receive()
+    with pytest.raises(MessageRefused):
+        link.inbox.check_sequence(pending("a", seq=5))
+
+
+def test_a_sign_of_life_that_a_newer_one_replaces_gives_its_place_back() -> None:
+    queue = CommandQueue()
+    for seq in range(40):
+        assert queue.append(pending("a", "alive", seq=seq))
+    for seq in range(15):
+        assert queue.append(pending("a", "halt", seq=seq))
+    assert not queue.append(pending("a", "halt", seq=15))
+    assert len(queue) == 16

@@ -359,7 +359,7 @@ def test_the_level_of_a_stop_stays_until_the_axis_rests() -> None:
 
 
 def test_the_highest_speed_setting_is_that_in_force() -> None:
-    """Here the axis is limited to 2.5 deg/s, less than the machine file allows."""
+    """Here the axis is limited to 2.5 deg/s, less than the machine file allows; and one person is enough."""
     bench = Bench()
     assert bench.operator.ranges["speed_setting_deg_s"].high == MACHINE.speed.setting_max_deg_s > 2.5
     limited = SimpleNamespace(speed=SimpleNamespace(setting_max_rad_s=rad(2.5)))
@@ -373,6 +373,7 @@ def test_the_highest_speed_setting_is_that_in_force() -> None:
         epoch=1,
     )
     assert operator.ranges["speed_setting_deg_s"].high == 2.5
+    assert not operator.arming.second_person
 
 
 def test_power_off_lets_the_key_go() -> None:

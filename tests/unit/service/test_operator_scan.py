@@ -293,3 +293,31 @@ def test_refusals_that_repeat_are_told_with_their_number() -> None:
     rows = [json.loads(record) for record in bench.event_ring.peek(100) if record]
     refused = [row["values"].get("count") for row in rows if "power" in row["text"]]
     assert refused == [None, 4]
+
+
+def test_what_needs_no_answer_of_the_program_holds_nothing_up() -> None:
+    """Settings, a mode that is chosen already and power that goes are answered in their scan."""
+    bench = Bench()
+    who = bench.who(Role.PHYSICIST)
+    bench.powered(who)
+    replied(bench)
+    sent = [
+        bench.send(who, "set", tag="speed_setting_deg_s", value=1.0),
+        bench.send(who, "set", tag="acc_setting_deg_s2", value=0.3),
+        bench.send(who, "mode", mode="continuous"),
+        bench.send(who, "power", on=True),
+        bench.send(who, "power", on=False),
+        bench.send(who, "note", line="the last one"),
+    ]
+    bench.scans(1)
+    assert replied(bench) == dict.fromkeys(sent, "")
+
+
+def test_a_setting_before_is_told_to_six_places() -> None:
+    bench = Bench()
+    who = bench.who(Role.PHYSICIST)
+    bench.do(who, "take", over=False)
+    for value in (2.0 / 3.0, 1.0):
+        bench.do(who, "set", tag="increment_deg", value=value)
+    rows = [json.loads(record) for record in bench.event_ring.peek(100) if record]
+    assert rows[-1]["values"]["before"] == 0.666667
