@@ -19,9 +19,10 @@ from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.brake_test import BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.power.phases import PowerPhase
+from gantryctl.runtime import RealClock
 from gantryctl.service.controller import process
 from gantryctl.service.controller import retainer as retaining
-from gantryctl.service.controller.process import END_S, Controller
+from gantryctl.service.controller.process import Controller
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.units import deg, rad
 from support.modulo_machine import modulo_machine
@@ -79,6 +80,18 @@ def test_commands_to_a_controller_that_is_gone_are_not_obeyed() -> None:
             assert ring.put(b"power on")
         Controller(MACHINE, store, memory)
         assert [len(ring) for ring in memory.commands] == [0] * len(memory.commands)
+    memory.close()
+
+
+@pytest.mark.parametrize("given", [{}, {"second_person": True}])
+def test_a_controller_is_paced_by_the_clock_and_asks_for_a_second_person_where_it_is_told_to(
+    given: dict[str, bool],
+) -> None:
+    memory = SharedMemory.create()
+    with StateStore(MACHINE) as store:
+        made = Controller(MACHINE, store, memory, **given)
+        assert isinstance(made.engine.clock, RealClock)
+        assert made.operator.arming.second_person is bool(given)
     memory.close()
 
 
@@ -352,7 +365,7 @@ def test_a_run_ends_at_rest_with_power_off_or_after_20_s(monkeypatch: pytest.Mon
         ):  # fmt: skip
             axis.power.phase, axis.virtual.at_rest = phase, rests
             assert controller._after_scan(publisher) is ends
-        now_s[0] += END_S - 1.0
+        now_s[0] += 20.0 - 1.0
         assert not controller._after_scan(publisher)
         now_s[0] += 2.0
         assert controller._after_scan(publisher)
@@ -426,13 +439,17 @@ def test_the_process_takes_its_option_and_ends_with_a_signal(
 
     names = {name: name for name in ("SIGTERM", "SIGINT", "SIGHUP")}
     monkeypatch.setattr(process, "signal", SimpleNamespace(signal=handlers.__setitem__, **names))
-    monkeypatch.setattr(process, "die_with_parent", lambda _: None)
+    parents: list[int] = []
+    monkeypatch.setattr(process, "die_with_parent", parents.append)
     monkeypatch.setattr(process, "prepare_scan_process", lambda: False)
     monkeypatch.setattr(process, "Controller", Made)
     memory, config = SharedMemory.create(), default_machine_path()
+    memory.words[Word.SUPERVISOR] = 4711
     wanted = config_hash(load_machine(config))
     assert process.main([str(memory.handle), str(config), wanted, str(tmp_path), *options]) == 3
     assert [(each.second_person, each.ended) for each in made] == [(bool(options), 3)]
+    # No scan outlives its supervisor.
+    assert parents == [4711]
     memory.close()
 
 

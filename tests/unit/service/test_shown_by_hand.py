@@ -16,7 +16,6 @@ from gantryctl.program import Code, Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.controller import process
-from gantryctl.service.controller.brake_watch import JUDGE_S
 from gantryctl.service.memory import snapshot
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import Source, Word
@@ -192,10 +191,10 @@ def test_an_overdue_brake_test_is_told_once_and_found_while_the_controller_runs(
         brake.scan(kept, 0, 1000.0)
         assert not brake.due.overdue
         old = replace(kept, brake_tested_at="2020-01-01T00:00:00Z")
-        brake.scan(old, 0, 1000.0 + JUDGE_S - 1.0)
+        brake.scan(old, 0, 1000.0 + 59.0)
         assert not brake.due.overdue
         for minute in (1, 2, 3):
-            brake.scan(old, 0, 1000.0 + minute * JUDGE_S)
+            brake.scan(old, 0, 1000.0 + minute * 60.0)
             assert brake.due.overdue
         assert sum(text.startswith("brake test overdue") for text in texts(desk.memory)) == 1
         assert brake.slow()["brake_test_available"] is True
