@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from gantryctl.image import Direction
+from gantryctl.machine import with_values
 from gantryctl.program import AxisState
 from gantryctl.service.command import rules
 from gantryctl.service.command.authority import Authority
@@ -18,7 +19,7 @@ from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.protocol.messages import Message, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
-from support.service_bench import LEASE, Bench
+from support.service_bench import LEASE, MACHINE, Bench
 from unit.service.test_inbox import MARK, Link, pending, who
 from unit.service.test_rules import situation
 
@@ -45,6 +46,8 @@ def test_an_end_is_that_of_a_connection_of_its_source(source: int) -> None:
     for kind in ("gone", "restart"):
         link.send(who("a"), source, type=kind)
     assert list(link.receive().gone) == [Gone(source, "a", False), Gone(source, "a", True)]
+    # Nobody has asked for anything.
+    assert (link.answers(source), link.events()) == ([], [])
 
 
 def test_an_event_has_the_time_of_its_scan_and_a_first_command_may_be_number_0() -> None:
@@ -205,6 +208,14 @@ def test_a_lease_ends_in_the_last_scan_before_its_time(now_s: float, ends: bool)
     assert hold.begin(LEASE, "page", True, 0.0, 0.0) is None
     assert hold.check(now_s) is ends
     assert hold.alive is not ends
+
+
+def test_a_key_is_let_go_in_the_last_scan_of_its_lease_whatever_a_scan_lasts() -> None:
+    """250 ms, and scans of 10 ms: it may be seen for the last time at 240 ms."""
+    hold = Bench(machine=with_values(MACHINE, {"control.scan_period_ms": 10.0})).operator.hold
+    hold.begin(LEASE, "page", True, 0.0, 0.0)
+    assert not hold.check(0.2399)
+    assert hold.check(0.2401)
 
 
 def test_a_key_that_is_held_is_no_event() -> None:

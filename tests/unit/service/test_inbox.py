@@ -99,11 +99,16 @@ def test_one_page_may_have_sixteen_waiting_and_its_source_a_hundred_and_twenty_e
     assert all(queue.append(pending("a")) for _ in range(16))
     assert not queue.append(pending("a"))
     assert queue.append(pending("b"))
+    # One that is taken makes room for one.
+    queue.take()
+    assert queue.append(pending("a"))
+    assert not queue.append(pending("a"))
     while len(queue):
         queue.take()
     # Places are given back.
     assert all(queue.append(pending("a")) for _ in range(16))
     queue.clear()
+    assert not len(queue)
     assert all(queue.append(pending(f"page {n}")) for n in range(128))
     assert not queue.append(pending("one more"))
     # The console of the machine is a source of its own.
@@ -287,6 +292,7 @@ def test_a_note_is_an_event_with_its_line_and_the_time_of_its_scan() -> None:
     )
     (event,) = link.events()
     assert (event["kind"], event["text"], event["values"]) == ("note", "oil changed", {"time_s": 12.5})
+    assert [each["journal"] for each in link.answers()] == [1]
 
 
 def test_the_end_of_a_connection_frees_no_number_of_another_one() -> None:

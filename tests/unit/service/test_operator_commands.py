@@ -138,6 +138,21 @@ def test_refused_power_does_not_come_when_its_reason_goes() -> None:
     assert bench.axis.state is not AxisState.STANDSTILL
 
 
+def test_power_that_is_refused_while_it_goes_off_comes_with_the_next_command_and_not_before() -> None:
+    """A level that stayed up would make the next command no edge: answered as done, with the power off."""
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "power", on=False)
+    assert bench.refused(who, "power", on=True) == "PWR-04"
+    assert not bench.operator.levels.power
+    bench.until(AxisState.DISABLED)
+    bench.scans(1000)
+    assert bench.axis.is_off
+    bench.do(who, "power", on=True)
+    bench.until(AxisState.STANDSTILL)
+
+
 def test_an_alarm_takes_key_and_power_and_a_reset_gives_neither_back() -> None:
     bench = Bench()
     jogging(bench)
@@ -243,6 +258,8 @@ def test_a_shutdown_brakes_on_its_ramp_and_drops_what_waits() -> None:
     bench = Bench()
     moving(bench)
     bench.operator.shutdown = True
+    bench.scans(1)
+    # Of the epoch that the stop has begun: nothing but the shutdown stands against it.
     bench.send(bench.who(), "set", tag="speed_setting_deg_s", value=1.0)
     speed = bench.operator.levels.speed_rad_s
     bench.scans(5)

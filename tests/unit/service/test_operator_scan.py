@@ -313,7 +313,7 @@ def test_what_needs_no_answer_of_the_program_holds_nothing_up() -> None:
     assert replied(bench) == dict.fromkeys(sent, "")
 
 
-def test_a_setting_before_is_told_to_six_places() -> None:
+def test_a_setting_is_told_with_its_time_and_with_what_it_was_to_six_places() -> None:
     bench = Bench()
     who = bench.who(Role.PHYSICIST)
     bench.do(who, "take", over=False)
@@ -321,3 +321,20 @@ def test_a_setting_before_is_told_to_six_places() -> None:
         bench.do(who, "set", tag="increment_deg", value=value)
     rows = [json.loads(record) for record in bench.event_ring.peek(100) if record]
     assert rows[-1]["values"]["before"] == 0.666667
+    # With the time of its scan, by which a run can be done again; two more have passed until the reply was read.
+    assert rows[-1]["values"]["time_s"] == pytest.approx(bench.time_s - 0.003)
+
+
+def test_a_sign_of_life_behind_an_old_picture_is_as_good_as_not_sent() -> None:
+    """No refusal either: after a freeze of the network they come in a burst, and a newer one comes with them."""
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "jog", lease=LEASE, direction="forward")
+    old = bench.frame(who)
+    for kind, later_ms, values in (("renew", 210, {"lease": LEASE}), ("alive", 300, {})):
+        bench.scans(later_ms)
+        number = bench.send(who, kind, frame=old, **values)
+        bench.scans(1)
+        assert number not in replied(bench)
+    assert not bench.operator.hold.alive
