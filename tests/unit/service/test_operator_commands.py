@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 
 import pytest
@@ -254,6 +255,14 @@ def test_the_console_stops_a_jog_before_it_takes_control() -> None:
     bench.until(AxisState.STANDSTILL, 5.0)
 
 
+def test_the_console_takes_control_of_an_axis_at_rest_and_stops_nothing() -> None:
+    bench = Bench()
+    bench.powered(bench.who())
+    epoch = bench.epoch
+    bench.do(bench.who(Role.SERVICE, place="local"), "take", over=False)
+    assert bench.epoch == epoch + 1  # of the new holder, and of no stop
+
+
 def test_a_shutdown_brakes_on_its_ramp_and_drops_what_waits() -> None:
     bench = Bench()
     moving(bench)
@@ -317,6 +326,8 @@ def test_a_page_that_goes_without_control_takes_none_along() -> None:
     bench.scans(2)
     assert bench.operator.authority.holder == bench.who()
     assert bench.operator.hold.alive
+    rows = [json.loads(record) for record in bench.event_ring.peek(100) if record]
+    assert not [row for row in rows if "control is free" in row["text"]]
 
 
 def test_an_increment_goes_the_way_of_its_key() -> None:
