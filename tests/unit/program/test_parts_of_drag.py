@@ -79,6 +79,29 @@ def test_a_brake_that_drags_for_a_second_warns_and_twice_as_much_halts(
 
 
 @BOTH
+@PERIODS
+@pytest.mark.parametrize(("swing_s", "rows"), [(0.5, 5), (1.25, 12)])
+def test_half_of_the_brake_in_the_mean_is_a_closed_brake_that_the_motor_turns(period_s, way, swing_s, rows):
+    """Half of 400 N m. The mean of 300 passes it with sample 11; the half period of the swing is 5 or 12 samples."""
+    for excess_nm, off in ((300.0, True), (199.0, False)):
+        parts = Parts(period_s, monitors={"swing_s": swing_s})
+        watch, scan = drags(parts, way, excess_nm)
+        watch.model.add = lambda *_: None
+        told = parts.after(scan, lambda parts=parts: parts.alarms.pending is Reaction.TORQUE_OFF, 3.0)
+        assert told == (approx(samples(11 + rows - 1, period_s)) if off else math.inf)
+
+
+@BOTH
+def test_a_load_that_swings_with_the_motor_at_its_limit_is_no_closed_brake(way):
+    """385 N m forth and back at 2 Hz: what the mean gains of 315 in half a period is gone with the other half."""
+    parts = Parts()
+    _, scan = drags(parts, way, 0.0)
+    for half in range(8):
+        parts.feedback.torque_nm = way * (385.0 if half % 2 else -385.0)
+        assert parts.after(scan, most_s=0.25) == math.inf
+
+
+@BOTH
 def test_torque_against_the_motion_is_no_drag(way):
     parts = Parts()
     _, scan = drags(parts, way, 0.0)

@@ -32,17 +32,18 @@ POWER: Final = (
              "制动器供电、线圈或反馈触点。若触点有误，则制动器已松开，因此转矩保持到制动器抱紧为止。",
              "检查制动器的供电和触点，然后复位。"),
     ),
-    # Fault catalogue C2: stopped on the jog-release ramp before the drive's overload ends the motion.
+    # Fault catalogue C2: stopped on the jog-release ramp before the drive's overload ends the motion. C10: torque off.
     Definition(
         Code.BRK_02, _WARN, Reaction.W,
         Text("Brake drags",
              "The motion needs {measured:.0f} N m more than before, {share:.0f} % of rated",
              "The brake does not open fully, or friction has grown.",
-             "Check the brake's supply and air gap. Above 30 % the motion is stopped; a reset by service makes the "
-             "axis learn anew what it needs."),
+             "Check the brake's supply and air gap. Above 30 % the motion is stopped, above half of the brake's torque "
+             "power goes off; a reset by service makes the axis learn anew what it needs."),
         Text("制动器拖滞", "运动所需转矩比以前多 {measured} N m，为额定值的 {share} %",
              "制动器未完全松开，或摩擦增大。",
-             "检查制动器的供电和气隙。超过 30 % 时运动被停止；维修人员复位后轴重新学习所需转矩。"),
+             "检查制动器的供电和气隙。超过 30 % 时运动被停止，超过制动器转矩的一半时切断转矩；"
+             "维修人员复位后轴重新学习所需转矩。"),
     ),
     # Fault catalogue C3: the motor is the only thing left that holds the load, so it keeps its torque.
     Definition(

@@ -19,6 +19,10 @@ _LASTS_S: Final = 1.0
 # Parts of the rated torque.
 _WARNING_SHARE: Final = 0.15
 _HALT_SHARE: Final = 0.30
+# A motor that starts slowly turns its closed brake without a step of the torque, which `TorqueWatch` needs: then half
+# of the brake's torque, as there, in the mean. A load that swings is not above it for half of its period.
+_GRIPS_SHARE: Final = 0.5
+_GRIPS_PERIODS: Final = 0.5
 
 
 class DragWatch:
@@ -32,8 +36,9 @@ class DragWatch:
     """
 
     __slots__ = (
-        "_alarms", "_feedback", "_halt_nm", "_holding", "_known", "_lasts", "_load_nm", "_mean_nm", "_mean_share",
-        "_over", "_over_halt", "_per_acc", "_rated_nm", "_sample_scans", "_virtual", "_wait", "_warning_nm", "model",
+        "_alarms", "_feedback", "_grip_nm", "_grips", "_halt_nm", "_holding", "_known", "_lasts", "_load_nm",
+        "_mean_nm", "_mean_share", "_over", "_over_grip", "_over_halt", "_per_acc", "_rated_nm", "_sample_scans",
+        "_virtual", "_wait", "_warning_nm", "model",
     )  # fmt: skip
 
     def __init__(
@@ -53,6 +58,8 @@ class DragWatch:
         self._lasts = round(_LASTS_S / sample_s)
         self._rated_nm = power.torque_rated_nm
         self._warning_nm, self._halt_nm = _WARNING_SHARE * self._rated_nm, _HALT_SHARE * self._rated_nm
+        self._grip_nm = _GRIPS_SHARE * power.brake_torque_nm
+        self._grips = round(_GRIPS_PERIODS * settings.monitors.swing_s / sample_s)
         self._load_nm = power.test_torque_nm
         self._per_acc = power.torque_max_nm / settings.ramps.quick_dec_rad_s2
         self.model = TorqueModel(settings.law.ratio, power.torque_rated_nm)
@@ -61,7 +68,7 @@ class DragWatch:
     def begin(self) -> None:
         """Forget the motion before; what was learned stays."""
         self._mean_nm = 0.0
-        self._wait = self._over = self._over_halt = 0
+        self._wait = self._over = self._over_halt = self._over_grip = 0
 
     def scan(self, pos_rad: float) -> None:
         """Take a scan in which the set-point moves; every 50 ms is judged."""
@@ -84,11 +91,19 @@ class DragWatch:
         if not self._mean_nm > 0.5 * self._warning_nm:
             model.add(pos_rad, vel, acc, torque_nm)
         if not self._mean_nm > self._warning_nm:
-            self._over = self._over_halt = 0
+            self._over = self._over_halt = self._over_grip = 0
             return
         self._over += 1
         self._over_halt = self._over_halt + 1 if self._mean_nm > self._halt_nm else 0
-        if self._over >= self._lasts:
-            reaction = Reaction.HLT if self._over_halt >= self._lasts else None
-            share = 100.0 * self._mean_nm / self._rated_nm
-            self._alarms.raise_(Code.BRK_02, reaction, measured=self._mean_nm, share=share)
+        self._over_grip = self._over_grip + 1 if self._mean_nm > self._grip_nm else 0
+        grips = self._over_grip >= self._grips
+        if not (grips or self._over >= self._lasts):
+            return
+        reaction = None
+        if grips:
+            # On a ramp the drive would push against the brake.
+            reaction = Reaction.TORQUE_OFF
+        elif self._over_halt >= self._lasts:
+            reaction = Reaction.HLT
+        share = 100.0 * self._mean_nm / self._rated_nm
+        self._alarms.raise_(Code.BRK_02, reaction, measured=self._mean_nm, share=share)

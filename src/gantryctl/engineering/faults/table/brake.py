@@ -132,13 +132,20 @@ BRAKE: Final = (
         "C10",
         "Brake closes in motion, its contact says open",
         "torque of a quarter of the limit (100 N m) and more without its effect on the speed; or, where the motor "
-        "turns its brake, half of the brake's torque that comes within 30 ms, holds the shaft back, and stays so long",
+        "turns its brake, half of the brake's torque that comes within 30 ms, holds the shaft back, and stays so long, "
+        "or comes slowly and stays in the mean for half a period of the load's swing",
         "torque off and brake",
-        (Code.BRK_14,),
-        at(
-            "plant/test_torque.py",
-            "test_torque_lost_and_shaft_blocked",
-            "test_a_motor_started_against_a_closed_brake_gives_up_early",
+        (Code.BRK_14, Code.BRK_02),
+        (
+            *at(
+                "plant/test_torque.py",
+                "test_torque_lost_and_shaft_blocked",
+                "test_a_motor_started_against_a_closed_brake_gives_up_early",
+            ),
+            *at(
+                "unit/program/test_parts_of_drag.py",
+                "test_half_of_the_brake_in_the_mean_is_a_closed_brake_that_the_motor_turns",
+            ),
         ),
     ),
     Row(
