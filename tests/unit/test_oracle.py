@@ -200,6 +200,30 @@ def test_a_gear_that_turns_back_gives_the_rotor_so_much_speed_and_no_more(
     assert [each.invariant for each in found] == ([] if passes else ["INV-3"])
 
 
+@pytest.mark.parametrize(
+    ("torque_nm", "moves_ms", "passes"),
+    [(65.0, 150, True), (65.0, 180, False), (20.0, 150, False)],
+    ids=["thrown back", "goes on behind the closed brake", "no such torque was held"],
+)
+def test_the_way_of_a_rotor_that_its_gear_throws_back_ends_with_the_brake(
+    torque_nm: float, moves_ms: int, passes: bool
+) -> None:
+    """At rest 0.019 deg are permitted; 65 N m throw it by 0.325 deg/s, 0.049 deg in the 150 ms of the brake."""
+    found: list[Violation] = []
+    bounds = replace(limits.REFERENCE, untwists_deg_s_per_nm=0.005, way_deg=lambda _kind, _speed: 0.019)
+    axis = AxisOracle(found.append, bounds)
+    alarm = Alarm(Code.ENC_14, 0.0, {}, Reaction.TORQUE_OFF)
+    axis._axis = SimpleNamespace(alarms=SimpleNamespace(active={Code.ENC_14: alarm}))
+    axis.bound, axis._rest, axis._sag = True, 0.05, math.inf
+    axis.begin(0.0, brake_open=True, energised=True)
+    axis.sample(0.0, 0.0, -torque_nm, brake_open=True, energised=True)
+    axis._stop = Stop(alarm, StopClass.FEEDBACK, axis.now(), axis.now())
+    for ms in range(1, 201):
+        way = 0.3e-3 * min(ms, moves_ms)
+        axis.sample(way, 0.3 if ms <= moves_ms else 0.0, 0.0, brake_open=ms <= 150, energised=False)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
+
+
 @pytest.mark.can
 def test_a_drive_that_stops_without_commands_is_passed(oracle: Oracle) -> None:
     """Its own watch of the commands, the ramp, and the brake that it closes."""
