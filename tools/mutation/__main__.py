@@ -79,6 +79,8 @@ def main() -> int:
     if rest and arguments.command != "record":
         parser.error(f"unknown: {' '.join(rest)}")
     if arguments.command == "record":
+        # A part is one file, whose name may be that of an area.
+        arguments.part = arguments.part.replace("/", "_")
         tests = [*arguments.tests, *rest]
         if arguments.core:
             return record_core(ROOT, CORE_BUILD, arguments.coverage / "core", arguments.part, tests)

@@ -86,6 +86,8 @@ def test_a_drive_closes_its_brake_in_order_and_is_not_enabled_again() -> None:
 def test_the_next_run_begins_with_torque_against_the_closed_brake() -> None:
     """What ended the one before in order forbids nothing once the program has disabled the drive."""
     brake = BrakeControl(settings(brake_owner="drive"))
+    # The first run has none before it.
+    assert brake.word(0x0F, S.SWITCHED_ON, ON, False) == 0x0F
     brake.word(0x0F, ENABLED, ON, True)
     assert brake.word(0x0F, ENABLED, ON, False) == 0x07
     assert brake.word(0x0F, S.SWITCHED_ON, ON, False) == 0x07
@@ -96,6 +98,8 @@ def test_the_next_run_begins_with_torque_against_the_closed_brake() -> None:
 @pytest.mark.parametrize("before", S)
 def test_a_drive_that_shows_enabled_too_late_loses_its_torque_at_once(before: DriveState) -> None:
     """The program gave up meanwhile: nothing was released, so there is nothing to close in order."""
+    # One that another master has enabled before our first scan too.
+    assert BrakeControl(settings(brake_owner="drive")).word(0x00, ENABLED, R.DISABLE, False) == 0x00
     brake = BrakeControl(settings(brake_owner="drive"))
     brake.word(0x0F, before, ON, False)
     assert [brake.word(0x00, ENABLED, R.DISABLE, False) for _ in range(3)] == [0x00] * 3

@@ -121,7 +121,8 @@ def test_the_ends_of_the_numbers() -> None:
     assert (units.velocity(1e9), units.velocity(-1e9)) == (2**31 - 1, -(2**31) + 1)
     assert (units.torque(1e9), units.torque(-1e9)) == (32_767, -32_767)
     assert [units.velocity(bad) for bad in (math.nan, math.inf, -math.inf)] == [0, 0, 0]
-    assert units.ramp(0.0) == 1
+    # 6085 is UNSIGNED32.
+    assert (units.ramp(0.0), units.ramp(1e12)) == (1, 2**32 - 1)
     # 1000 means twice the rated torque: 25.7 N m are 50.
     assert BusUnits(settings(torque_reference=2.0), 257.0).torque(25.7) == 50
 
