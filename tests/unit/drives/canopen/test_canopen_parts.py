@@ -144,7 +144,24 @@ def test_any_range_of_any_drive_is_followed_near_raw_0(span: int, counted: str, 
         assert unwrap(COUNTED[counted](middle + true, span)) == start + true
 
 
-@pytest.mark.parametrize("span", [4096, 3000 * 1_000_000])
+@pytest.mark.parametrize(
+    ("span", "below", "above"),
+    [
+        (3 << 29, 1_610_612_735, 0),
+        (1 << 31, 2_147_483_647, 0),
+        # In 32 bits with a sign: the middle of the range is a wrap too, and its end lies at 3 000 000 000 - 2^32.
+        (3_000_000_000, 2_147_483_647, -2_147_483_648),
+        (3_000_000_000, -1_294_967_297, 0),
+        (1 << 32, -1, 0),
+    ],
+)
+def test_a_range_from_0_goes_on_over_its_end(span: int, below: int, above: int) -> None:
+    unwrap = Unwrap(span)
+    start = unwrap(below)
+    assert [unwrap(raw) - start for raw in (above, above + 2, below, below - 3)] == [1, 3, 0, -3]
+
+
+@pytest.mark.parametrize("span", [4096, 3000 * 1_000_000, 4294 * 1_000_000])
 def test_a_range_around_0_ends_at_its_halves(span: int) -> None:
     """One step up from the last reading is the first one, and back."""
     unwrap, half = Unwrap(span, around_zero=True), span // 2

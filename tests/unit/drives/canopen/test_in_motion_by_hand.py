@@ -231,6 +231,14 @@ def test_a_drive_that_answers_nothing_is_started_once_unless_it_has_booted(
     assert drive.started == started
 
 
+def test_a_drive_that_answers_nothing_has_20_ms_before_it_is_started() -> None:
+    drive = Stop()
+    drive.scan(0x00, scans=5, answers=False)
+    assert drive.started == 0
+    drive.scan(0x00, answers=False)
+    assert drive.started == 1
+
+
 @pytest.mark.parametrize(
     ("word", "state"),
     [

@@ -68,6 +68,10 @@ def test_every_input_of_a_lost_node_is_in_its_safe_state() -> None:
     assert good == DigitalInputs(collision_ok=True, door_ok=True, estop_ok_2=True, motion_permit=True)
     assert not any(reader.read(None, None))
     assert reader.brake_contact() is None
+    for name, contact in (("brake_open", reader.brake_contact), ("watchdog_closed", reader.watchdog_contact)):
+        for level in (True, False):
+            reader.read(None, level << getattr(bits, name))
+            assert contact() is level
 
 
 def test_a_chain_with_one_channel_on_a_lost_node_does_not_differ() -> None:
@@ -192,6 +196,13 @@ def test_a_missing_reading_of_the_ring_goes_on_with_the_speed_of_the_scans_that_
     ):
         ring.begin(periods)
         assert math.degrees(ring.read(round(1000 * reading), age)) == pytest.approx(angle, abs=1e-9)
+
+
+def test_a_turn_of_an_odd_number_of_steps_stands_behind_its_first_reading() -> None:
+    """45 steps of 8 deg; a speed is known from the second reading on."""
+    ring = RingAngle(LoadEncoderSettings(4, 45, 0, False), 1 << 32, 0.004)
+    ring.take(1, 1)
+    assert [math.degrees(ring.after(scans)) for scans in (0, 5)] == pytest.approx([8.0, 8.0])
 
 
 def test_the_io_node_is_sent_what_is_wired_to_it_and_no_more() -> None:

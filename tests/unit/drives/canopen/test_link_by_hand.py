@@ -18,6 +18,7 @@ from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.errors import UsageError
 from gantryctl.image import LinkFlag
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
+from unit.drives.canopen.test_set_up_by_hand import Dictionary
 from unit.drives.canopen.wire import Wire, remote_node
 
 pytestmark = pytest.mark.can
@@ -252,6 +253,7 @@ def test_what_the_master_sends_to_all_and_to_its_node() -> None:
     """CiA 301: SYNC at 080h, heartbeat of node 127 in OPERATIONAL, NMT at 0."""
     wire = Wire()
     node = remote_node(wire)
+    assert (node.boots, node.foreign, node.foreign_id, node.unknown) == (0, 0, -1, 0)
     node.sync()
     node.heartbeat()
     for command in NmtCommand:
@@ -262,14 +264,36 @@ def test_what_the_master_sends_to_all_and_to_its_node() -> None:
     ]  # fmt: skip
 
 
+def test_a_node_has_20_ms_to_leave_operational_and_is_heard_meanwhile() -> None:
+    wire = Wire()
+    node = remote_node(wire)
+    wire.comes(0x702, "7F")
+    node.enter_pre_operational()
+    assert (wire.sent, node.state) == ([(0x000, "80 02")], 0x7F)
+    assert wire.time_s == pytest.approx(0.02)
+
+
+def test_each_part_of_an_identity_has_its_own_object() -> None:
+    node = remote_node(Wire())
+    sdo = Dictionary({(0x1000, 0): 0x55, **{(0x1018, sub): 0x11 * sub for sub in (1, 2, 3, 4)}})
+    sdo.text = {0x1008: "a drive", 0x1009: "board 3", 0x100A: "2.7"}.__getitem__  # type: ignore[method-assign]
+    node.sdo = sdo  # type: ignore[assignment]
+    identity = node.identity()
+    assert identity == (0x11, 0x22, 0x33, 0x44, 0x55, "a drive", "board 3", "2.7")
+    assert identity.text == "a drive, software 2.7, serial 68"
+
+
 def test_an_emergency_message_is_kept_with_its_code_and_the_scan_in_which_it_came() -> None:
     node = remote_node(Wire())
+    # What comes while it is set up came before the first scan.
+    node.dispatch(Frame(0x082, bytes.fromhex("50 23 02 00 00 00 00 00")))
+    assert node.emergencies.messages.pop().scan == 0
     node.scan = 7
     node.dispatch(Frame(0x082, bytes.fromhex("10 23 02 01 02 03 04 05")))
     node.dispatch(Frame(0x083, bytes.fromhex("50 23 02 00 00 00 00 00")))  # of another node
     (told,) = node.emergencies.messages
     assert (told.scan, told.code, told.register, told.vendor.hex()) == (7, 0x2310, 2, "0102030405")
-    assert (node.emergencies.count, node.unknown) == (1, 1)
+    assert (node.emergencies.count, node.unknown) == (2, 1)
 
 
 @pytest.mark.parametrize(

@@ -238,14 +238,20 @@ def test_an_encoder_on_the_bus_is_the_ring() -> None:
     """A quarter of 2^20 steps is 90 deg; what its telegram has not told yet, or tells with an alarm, is no angle."""
     beside = neighbours(load_encoder=RING)
     assert beside.encoder is not None
-    beside.encoder.node.open = lambda: None  # type: ignore[method-assign]
+    opened: list[bool] = []
+    beside.encoder.node.open = lambda: opened.append(True)  # type: ignore[method-assign]
     beside.encoder.node.remote.sdo = Dictionary({(0x6501, 0): 1 << 20, (0x6502, 0): 1})  # type: ignore[assignment]
     beside.open()
+    assert opened == [True]
     assert math.isnan(beside.ring_rad(None))  # type: ignore[arg-type]
     quarter = (1 << 18).to_bytes(4, "little")
-    for alarms, angle_deg in ((b"\0\0", 90.0), (b"\1\0", math.nan), (b"\0\1", math.nan)):
+    # An alarm is no part of the position: a telegram that is missing behind it is bridged at rest.
+    for alarms, angle_deg in (
+        (b"\0\0", 90.0), (b"\0\1", math.nan), (b"\2\0", math.nan), (b"\0\0", 90.0), (None, 90.0),
+    ):  # fmt: skip
         beside.begin(1)
-        beside.encoder.node.watch.take(quarter + alarms, True)
+        if alarms is not None:
+            beside.encoder.node.watch.take(quarter + alarms, True)
         beside.encoder.node.watch.settle()
         angle = beside.ring_rad(None)  # type: ignore[arg-type]
         assert math.degrees(angle) == pytest.approx(angle_deg, nan_ok=True)

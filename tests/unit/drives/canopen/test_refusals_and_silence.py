@@ -244,6 +244,7 @@ def test_an_identity_without_a_device_type_and_a_drain_that_ends() -> None:
         wire.answers[f"40 {place} 00 00 00 00"] = [f"80 {place} 00 00 02 06"]
     node = remote_node(wire)
     assert node.identity()[:5] == (0, 0, 0, 0, 0)
+    assert node.identity().text == "drive without a name, software ?, serial 0"
     wire.comes(0x123, *["00"] * 10)
     assert not node.drain(most=4)
     assert node.unknown == 4

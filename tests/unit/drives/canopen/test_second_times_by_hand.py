@@ -102,13 +102,17 @@ def test_a_program_that_ends_in_a_proof_of_silence_speaks_for_its_last_scans(
     assert sent[-1].startswith("00 00")
 
 
-def test_the_state_of_a_drive_that_is_off_is_asked_for_once() -> None:
-    drive = Stop()
-    drive.scan(0x00, scans=3)
-    assert drive.asked.reads == [(0x6041, 0)]
+def test_the_state_of_a_drive_that_is_off_is_asked_for_until_it_is_known() -> None:
+    """Every 20 ms, behind the word that has stopped it."""
+    drive, asked = Stop(), []
+    for _ in range(12):
+        drive.scan(0x00)
+        asked.append(len(drive.asked.reads))
+    assert asked == [0, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 3]
+    assert set(drive.asked.reads) == {(0x6041, 0)}
     drive.asked.then(bytes.fromhex("40 02"))
     drive.scan(0x00, scans=100)
-    assert (drive.asked.reads, drive.stop.state) == ([(0x6041, 0)], S.SWITCH_ON_DISABLED)
+    assert (len(drive.asked.reads), drive.stop.state) == (3, S.SWITCH_ON_DISABLED)
 
 
 def test_the_frames_before_the_first_scan_are_no_load() -> None:

@@ -21,14 +21,15 @@ ENABLED, ON = S.OPERATION_ENABLED, R.ENABLE
 class Watched:
     """Supervision of a drive in Operation enabled, with fake telegrams."""
 
-    def __init__(self, period_s: float = 0.004) -> None:
+    def __init__(self, period_s: float = 0.004, **changes: object) -> None:
         self.wire, self.asked = Wire(), Asked()
         self.node = remote_node(self.wire)
         self.node.emergencies = EmergencyLog()
         self.process = SimpleNamespace(
             age=0, inputs_age=0, wrong_lengths=0, contradicted=0, congested=False, crowded=False
         )
-        self.watch = Supervision(self.node, self.process, self.asked, settings(period_s=period_s))  # type: ignore[arg-type]
+        used = settings(period_s=period_s, **changes)
+        self.watch = Supervision(self.node, self.process, self.asked, used)  # type: ignore[arg-type]
         self.now = 0
 
     def scan(self, state: DriveState = ENABLED, status: int = 0x1237, request: DriveRequest = ON) -> LinkFlag:
@@ -109,6 +110,9 @@ def test_a_drive_under_local_control_is_told_after_three_scans() -> None:
     drive = Watched()
     assert [drive.scan(status=0x1037) for _ in range(5)] == [LinkFlag.NONE] * 3 + [LinkFlag.LOCAL_CONTROL] * 2
     assert drive.scan() == LinkFlag.NONE
+    # Bit 9 of some drives means nothing.
+    other = Watched(remote_bit=False)
+    assert {other.scan(status=0x1037) for _ in range(5)} == {LinkFlag.NONE}
     # Of one whose state is not known nothing is known, whatever is asked of it.
     assert {drive.scan(S.UNKNOWN, 0x1037) for _ in range(8)} == {LinkFlag.NONE}
 

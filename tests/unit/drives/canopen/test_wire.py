@@ -210,11 +210,13 @@ def test_without_the_speed_telegram_the_way_is_the_speed() -> None:
 
 def test_a_drive_without_606c_has_the_speed_of_its_way() -> None:
     bus = Telegrams(frozenset((m.TORQUE,)))
-    for position in ("00 00 00 00", "E8 03 00 00"):
-        bus.sync((0x182, f"37 12 {position} 00 00"))
+    assert bus.sync((0x182, "37 12 00 00 00 00 00 00")).vel_rad_s == 0.0
+    bus.sync((0x182, "37 12 E8 03 00 00 00 00"))
     assert bus.image.vel_rad_s == pytest.approx(250_000 / TURN * math.tau)
+    # A position that is missing has gone no way: the axis goes on with its speed, 1000 increments a scan.
     bus.sync()
-    assert bus.image.speed_age == 1
+    assert (bus.image.speed_age, bus.image.position) == (1, 2000)
+    assert bus.image.vel_rad_s == pytest.approx(250_000 / TURN * math.tau)
     bus.sync((0x182, "37 12 B8 0B 00 00 00 00"))
     assert bus.image.vel_rad_s == pytest.approx(250_000 / TURN * math.tau)
 
@@ -223,6 +225,40 @@ def test_a_drive_without_606c_has_the_speed_of_its_way() -> None:
 def test_only_a_torque_that_is_mapped_is_known(present: tuple[m.Signal, ...]) -> None:
     image = Telegrams(frozenset(present)).image
     assert (image.torque_known, image.torque_offset) == (m.TORQUE in present, m.TORQUE_OFFSET in present)
+
+
+def test_what_is_not_mapped_is_0_and_603f_is_bytes_4_and_5_behind_the_speed() -> None:
+    bus = Telegrams(frozenset((m.VELOCITY, m.ERROR)))
+    seen = bus.sync((0x182, "37 12 00 00 08 00"), (0x282, "00 00 F8 FF 10 23"))
+    assert (seen.error_code, seen.torque_nm, seen.input_word) == (0x2310, 0.0, None)
+    assert Telegrams().sync(*BOTH).error_code == 0
+
+
+def test_the_outputs_go_out_in_the_second_telegram_of_the_drive() -> None:
+    """CiA 301: RPDO 1 of node 2 at 202h, RPDO 2 at 302h; nobody else may send either."""
+    wire, used = Wire(), settings()
+    node = remote_node(wire)
+    image = ProcessImage(node, used, BusUnits(used, 257.0), m.plan_mapping(ALL, True))
+    image.send(0x0F, 0.0, 0.0, 0x0001_0002)
+    assert wire.sent == [(0x202, "0F 00 00 00 00 00 00 00"), (0x302, "02 00 01 00")]
+    for number, can_id in enumerate((0x302, 0x202), 1):
+        node.dispatch(Frame(can_id, bytes(8)))
+        assert (node.foreign, node.foreign_id) == (number, 0x302)
+
+
+def test_frames_of_others_do_not_hold_up_the_wait_for_an_answer() -> None:
+    """A frame every 0.5 ms on a bus that is never quiet: the 2 ms end, and one telegram is missing."""
+    bus = Telegrams()
+    receive = bus.wire.receive
+
+    def busy(timeout_s: float) -> Frame | None:
+        bus.wire.time_s += 0.0005
+        return receive(0.0) or Frame(0x123, b"") if bus.wire.time_s < 1.0 else None
+
+    bus.wire.receive = busy  # type: ignore[method-assign]
+    seen = bus.sync(BOTH[0])
+    assert (seen.age, seen.inputs_age) == (0, 1)
+    assert bus.wire.time_s == pytest.approx(0.0025)
 
 
 def test_one_telegram_of_two_is_no_answer_and_an_old_answer_is_forgotten() -> None:
@@ -256,10 +292,8 @@ def test_an_answer_that_another_one_contradicts_is_not_used() -> None:
     bus = Telegrams()
     for _ in range(12):
         bus.sync(*BOTH)
-    bus.image.begin(1)
-    for data in (TPDO_1, "37 12 00 00 09 00 9C FF"):
-        bus.image.watches[0].take(bytes.fromhex(data), in_time=True)
-    bus.image.collect(0.0)
+    assert bus.image.watches[0].late == 0
+    bus.sync(BOTH[0], (0x182, "37 12 00 00 09 00 9C FF"), BOTH[1])
     assert (bus.image.counts, bus.image.age, bus.image.contradicted) == (TURN, 1, 1)
 
 
