@@ -72,6 +72,19 @@ def test_behind_more_frames_than_a_scan_takes_no_position_is_believed(
     bench.drive.close()
 
 
+def test_a_drive_is_asked_once_for_each_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second SYNC in a scan would make the drive interpolate over half of its time."""
+    bench = Bench().open()
+    syncs = sent_from_now(bench, monkeypatch, 0x080)
+    before = bench.drive.read()
+    assert (bench.drive.read() is before, len(syncs)) == (True, 0)
+    for number in (1, 2):
+        bench.drive.write(OutputImage())
+        seen = bench.drive.read()
+        assert (bench.drive.read() is seen, len(syncs)) == (True, number)
+    bench.drive.close()
+
+
 @pytest.mark.parametrize(("bit", "limited"), [(9, False), (10, False), (11, True), (12, False)])
 def test_bit_11_of_the_statusword_is_the_internal_limit(
     monkeypatch: pytest.MonkeyPatch, bit: int, limited: bool
