@@ -48,8 +48,9 @@ FOUND = {
     ],
 )
 def test_a_seed_that_once_broke_holds(row: dict[str, Any]) -> None:
-    scan_ms = row.get("scan_ms", SCAN_MS) or None
-    played = play(KINDS[row.get("kind", "random")](1, row["number"], scan_ms))
+    kind, scan_ms = row.get("kind", "random"), row.get("scan_ms", SCAN_MS) or None
+    drive = {"drive": row["drive"]} if kind == "axes" else {}
+    played = play(KINDS[kind](1, row["number"], scan_ms, **drive))
     assert played.scenario.drive == row["drive"]
     assert played.ok, (row["why"], played.violations)
 

@@ -224,6 +224,25 @@ def test_the_way_of_a_rotor_that_its_gear_throws_back_ends_with_the_brake(
     assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
 
 
+@pytest.mark.parametrize(
+    ("own_ramp", "way_deg", "passes"), [(False, 0.31, False), (True, 0.37, True), (True, 0.39, False)]
+)
+def test_a_drive_that_has_left_operational_goes_as_far_as_its_own_ramp(
+    own_ramp: bool, way_deg: float, passes: bool
+) -> None:
+    """An azimuth drive from 0.8 deg/s: 0.30 deg by its brake, which nobody commands, 0.38 by its ramp."""
+    found: list[Violation] = []
+    ways = {StopClass.TORQUE_OFF: 0.30, StopClass.QUICK: 0.38}
+    axis = AxisOracle(found.append, replace(limits.REFERENCE, way_deg=lambda kind, _speed: ways[kind]))
+    axis.bound, axis._rest, axis._sag, axis.known.own_ramp = True, 0.05, math.inf, own_ramp
+    axis.begin(0.0, brake_open=True, energised=True)
+    alarm = Alarm(Code.CAN_13, 0.0, {}, Reaction.TORQUE_OFF)
+    axis._stop = Stop(alarm, StopClass.TORQUE_OFF, axis.now(), axis.now())
+    for ms in range(1001):
+        axis.sample(way_deg * ms * 1e-3, 0.37 if ms < 1000 else 0.0, 0.0, brake_open=True, energised=True)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
+
+
 @pytest.mark.can
 def test_a_drive_that_stops_without_commands_is_passed(oracle: Oracle) -> None:
     """Its own watch of the commands, the ramp, and the brake that it closes."""

@@ -178,7 +178,8 @@ class MonitorSettings:
     """Bands and times of the monitors.
 
     Attributes:
-        encoder_shows_twist: its steps are finer than the elastic way of the closed brake under the proof torque.
+        encoder_shows_twist: its steps are finer than what torque does to a shaft at rest.
+        twist_least_nm: less torque does not turn the shaft of the closed brake by a step of it.
         encoder_errors_max: that many bad readings within `encoder_errors_time_s` stop the axis.
         encoder_battery: a battery keeps the turns of the encoder while its supply is off.
         door_quick_stop: an opened room door is a quick stop; without, the jog-release ramp.
@@ -221,6 +222,7 @@ class MonitorSettings:
     # the count of a fine encoder stands for 30 ms.
     torque_still_max_nm: float = math.inf
     encoder_shows_twist: bool = False
+    twist_least_nm: float = 0.0
     encoder_errors_max: int = 3
     encoder_errors_time_s: float = 0.100
     # Three scans of 10 ms; Feedback never takes fewer than three scans.

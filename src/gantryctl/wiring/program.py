@@ -33,8 +33,9 @@ _MS: Final = 1e-3
 # A reading that stands still for so long is tried (A3): the longest of a sound one under load is 0.09 s.
 _STILL_S: Final = 0.25
 _STILL_TORQUE_NM: Final = 40.0
-# 30 N m turn the reference shaft by 3.75e-5 rad against its closed brake: 1.6 steps of such an encoder.
+# 30 N m turn the reference shaft by 3.75e-5 rad against its closed brake of 400: 1.6 steps of such an encoder.
 _FINE_STEPS: Final = 2**18
+_TWIST_SHARE: Final = 30.0 / 400.0
 
 
 def axis_settings(
@@ -239,6 +240,7 @@ def _monitors(machine: Machine) -> MonitorSettings:
         encoder_still_time_s=math.inf if ideal else _STILL_S,
         torque_still_max_nm=_STILL_TORQUE_NM if fine else math.inf,
         encoder_shows_twist=fine,
+        twist_least_nm=_TWIST_SHARE * machine.brake.torque_nm * _FINE_STEPS / machine.counts_per_turn,
         speed_reading_max_rad_s=2.0 * rad_s_from_r_min(motor.speed_max_r_min) / ratio,
         speed_change_max_rad_s2=(motor.torque_max_nm + machine.brake.torque_nm) * per_torque,
         speed_change_per_torque=per_torque,

@@ -195,6 +195,17 @@ def test_a_reading_that_shows_nothing_while_torque_goes_is_frozen(counts, stood,
     assert parts.codes == (["ENC-02"] if stood else [])
 
 
+@BOTH
+@pytest.mark.parametrize(("torque_nm", "asked"), [(1.64, False), (1.65, True)])
+def test_a_torque_that_turns_the_shaft_by_less_than_a_step_asks_nothing(torque_nm, asked, way):
+    parts = Parts(monitors={"encoder_shows_twist": True, "twist_least_nm": 1.65})
+    twist = Twist(parts.settings, parts.feedback)
+    twist.begin(way * torque_nm)
+    twist.scan()
+    assert twist.shown(way * torque_nm) is not asked
+    assert parts.codes == (["ENC-02"] if asked else [])
+
+
 def test_an_encoder_of_coarse_steps_may_show_nothing_while_torque_goes():
     parts = Parts()
     twist = Twist(parts.settings, parts.feedback)

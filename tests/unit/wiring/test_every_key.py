@@ -345,6 +345,7 @@ ROWS: dict[str, Row] = {
     "brake.torque_nm": {
         "program.power.brake_torque_nm": 1.0,
         "program.monitors.speed_change_max_rad_s2": speed_change,
+        "program.monitors.twist_least_nm": 0.075 * 2**18 / 2**19,
         "plant.brake_torque_nm": brake_torque,
     },
     "brake.close_time_ms": {
@@ -377,7 +378,11 @@ ROWS: dict[str, Row] = {
     "can.stepped": {"bus.answer_s": lambda _: 3.0},
     "can.node": {"bus.node": 1.0},
     "can.master_node": {"bus.master_node": 1.0},
-    "can.increments_per_turn": {"bus.increments_per_turn": 1.0, "program.law.counts_per_turn": 1.0},
+    "can.increments_per_turn": {
+        "bus.increments_per_turn": 1.0,
+        "program.law.counts_per_turn": 1.0,
+        "program.monitors.twist_least_nm": lambda m: 30.0 * 2**18 / m.can.increments_per_turn,
+    },
     "can.profile": {"bus.profile": lambda _: load_profile("maxon_epos4")},
     "can.velocity_unit": {"bus.velocity_unit": lambda _: "0.1 r/min"},
     "can.torque_reference": {"bus.torque_reference": 1.0},

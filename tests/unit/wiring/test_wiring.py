@@ -284,6 +284,15 @@ def test_an_encoder_shows_the_twist_of_a_shaft_from_18_bits_on(
 
 
 @pytest.mark.parametrize(
+    ("brake_nm", "bits", "least_nm"), [(400.0, 18, 30.0), (400.0, 19, 15.0), (440.0, 20, 8.25)]
+)
+def test_the_torque_that_turns_a_shaft_by_a_step_goes_with_its_brake(brake_nm, bits, least_nm):
+    """1.6 steps of the 5e-4 rad by all of the brake's torque."""
+    changes = {"brake.torque_nm": brake_nm, "can.increments_per_turn": 2**bits}
+    assert axis_settings(with_values(BUS, changes)).monitors.twist_least_nm == pytest.approx(least_nm)
+
+
+@pytest.mark.parametrize(
     ("backlash_mm", "thermal", "switch", "gap"),
     [(0.2, False, True, True), (0.0, False, True, False), (0.0, True, True, True), (0.2, True, False, False)],
 )

@@ -15,14 +15,26 @@ class Twist:
 
     The reference brake gives way by 5e-4 rad up to its full torque, so 30 of 400 N m are 25 counts of 2^22 and 3 of
     2^19; play in the hub of a brake adds to it. A reading that shows none of it is frozen, one that turns the other way
-    has the wrong sign, and the brake stays closed.
+    has the wrong sign, and the brake stays closed. A small torque may turn the shaft by less than a count: 1 N m of a
+    brake of 44 does by 0.9 of 2^19, and nothing follows from it.
     """
 
-    __slots__ = ("_against", "_feedback", "_fine", "_from", "_period_s", "_scans", "_sign", "_with")
+    __slots__ = (
+        "_against",
+        "_feedback",
+        "_fine",
+        "_from",
+        "_least_nm",
+        "_period_s",
+        "_scans",
+        "_sign",
+        "_with",
+    )
 
     def __init__(self, settings: AxisSettings, feedback: Feedback) -> None:
         self._feedback = feedback
         self._fine = settings.monitors.encoder_shows_twist
+        self._least_nm = settings.monitors.twist_least_nm
         self._period_s = settings.period_s
         self.begin(0.0)
 
@@ -42,6 +54,8 @@ class Twist:
         """Whether the reading has turned with the torque; else it is in doubt."""
         if self._with >= 1.0 or not self._fine:
             return True
+        if abs(torque_nm) < self._least_nm:
+            return True
         if not self.stood(torque_nm):
             words = Words.TURNED_AGAINST(value=self._against, torque=torque_nm)
             self._feedback.doubt(Code.ENC_12, measured=words)
@@ -49,7 +63,7 @@ class Twist:
 
     def stood(self, torque_nm: float) -> bool:
         """Whether the reading has shown nothing at all, neither the torque nor a load that swings: it is in doubt."""
-        if max(self._with, self._against) >= 1.0 or not self._fine:
+        if max(self._with, self._against) >= 1.0 or not self._fine or abs(torque_nm) < self._least_nm:
             return False
         words = Words.WHILE_TORQUE(value=torque_nm)
         self._feedback.doubt(Code.ENC_02, measured=words, time_ms=self._scans * self._period_s * 1e3)

@@ -492,7 +492,8 @@ class AxisOracle:
         # What moves after a rest that was held moves without a reason (INV-2).
         if not slow and not stop.ended and now - stop.told.ms > 1e3 * self.bounds.rest_s[stop.kind]:
             late_s, left = (now - stop.told.ms) * 1e-3, self._load_left(stop.onset)
-            if late_s * left > self.bounds.rest_s[stop.kind]:
+            kinds = (stop.kind, StopClass.QUICK) if self.known.own_ramp else (stop.kind,)
+            if late_s * left > max(self.bounds.rest_s[kind] for kind in kinds):
                 self.say(
                     "INV-1", f"{stop.alarm.code}: still {speed / self._deg:.3f} deg/s after {late_s:.2f} s"
                 )
@@ -517,6 +518,8 @@ class AxisOracle:
             allowed = max(allowed, before + after)
         if way > allowed and stop.kind is StopClass.FEEDBACK:
             allowed = max(allowed, self.held_way_deg(stop.onset))
+        if way > allowed and self.known.own_ramp:
+            allowed = max(allowed, self._allowed_deg(StopClass.QUICK, from_deg_s, way, left))
         if way > allowed and stop.off is not None:
             allowed = max(allowed, self._untwists_deg(from_deg_s))
         stop.allowed_deg = allowed

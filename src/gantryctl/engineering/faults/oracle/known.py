@@ -34,6 +34,7 @@ class KnownFaults:
     Attributes:
         onset: when the last cause began to act; None without.
         no_ramp: a brake or too little torque takes its ramp from a quick stop, which has the class torque off.
+        own_ramp: the drive has left the NMT state OPERATIONAL: it takes no command, and stops on a ramp of its own.
         pulls_away: the load may be taken away, and the position loop answers.
         late_s: the axis goes on for so long before a fault shows.
         brake_late_s: a fault lets the brake close so much later. brake_share: what is left of its torque.
@@ -49,7 +50,7 @@ class KnownFaults:
 
     def __init__(self) -> None:
         self.onset: Instant | None = None
-        self.no_ramp = self.pulls_away = self.contact_lies = False
+        self.no_ramp = self.own_ramp = self.pulls_away = self.contact_lies = False
         self.late_s = self.brake_late_s = self.reading_late_s = 0.0
         self.brake_share = 1.0
         self.state_seen_ms = 0.0
