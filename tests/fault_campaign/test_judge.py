@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
+from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.nodes.io_node import IoNode
-from gantryctl.engineering.fault_campaign.draw import axis_scenario, pair_scenario
+from gantryctl.engineering.fault_campaign.draw import Drive, axis_scenario, pair_scenario
 from gantryctl.engineering.fault_campaign.judging.effects import may_come_first
 from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
@@ -143,32 +144,58 @@ def _drive_with(patch: pytest.MonkeyPatch, name: str, share: float) -> None:
     patch.setattr(simulator, "drive_params", other)
 
 
+def _drive_on_bus_with_a_softer_ramp(patch: pytest.MonkeyPatch) -> None:
+    true = DrivePlant.set_ramp
+    patch.setattr(DrivePlant, "set_ramp", lambda self, dec_rad_s2: true(self, 0.8 * dec_rad_s2))
+
+
 @pytest.mark.parametrize(
-    ("number", "until_s", "plant", "invariant"),
+    ("number", "drive", "until_s", "plant", "invariant"),
     [
         # The permitted way of a slow axis goes to its own rest: a ramp that is a tenth softer is beyond it.
         pytest.param(
-            2218, 8.9, lambda patch: _drive_with(patch, "quick_dec_rad_s2", 0.9), "INV-1", id="softer ramp"
+            2218,
+            "sim",
+            8.9,
+            lambda patch: _drive_with(patch, "quick_dec_rad_s2", 0.9),
+            "INV-1",
+            id="softer ramp",
         ),
         # Without torque the load carries the motor on, no further than its brake lets it.
         pytest.param(
-            1400, 12.0, lambda patch: _drive_with(patch, "brake_close_s", 1.4), "INV-1", id="late brake"
+            1400,
+            "sim",
+            12.0,
+            lambda patch: _drive_with(patch, "brake_close_s", 1.4),
+            "INV-1",
+            id="late brake",
         ),
         # A brake without torque lets the gear turn back, and then the load must be caught.
         pytest.param(
             3210,
+            "sim",
             24.1,
             lambda patch: _without_words(patch, *(code for code in Code if code.startswith("BRK-"))),
             "INV-2",
             id="load not caught",
             marks=pytest.mark.slow,
         ),
+        # A drive out of OPERATIONAL goes as far as its own ramp leads, which is that of the machine.
+        pytest.param(
+            6091,
+            "bus",
+            17.2,
+            _drive_on_bus_with_a_softer_ramp,
+            "INV-1",
+            id="softer ramp of its own",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_bug_is_found_where_the_judge_has_learned_of_other_axes(
-    number: int, until_s: float, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
+    number: int, drive: Drive, until_s: float, plant: Plant, invariant: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn = axis_scenario(1, number, None)
+    drawn = axis_scenario(1, number, None, drive)
     deeds = (*(each for each in drawn.actions if each.at_s < until_s), Action(at_s=until_s, do="power_off"))
     scene = drawn.model_copy(update={"actions": deeds, "duration_s": until_s + 1.5})
     assert play(scene).ok
