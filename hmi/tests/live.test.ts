@@ -41,6 +41,7 @@ vi.stubGlobal('fetch', () => {
 const { link } = await import('../src/lib/link.svelte');
 const { hold } = await import('../src/lib/hold.svelte');
 const { sight } = await import('../src/lib/sight.svelte');
+const mineAtFirst = link.mine;
 vi.spyOn(sight, 'look').mockImplementation(() => {});
 
 const WELCOME = {
@@ -95,6 +96,10 @@ afterEach(async () => {
 });
 
 describe('what is shown', () => {
+  test('before the first connection is of nobody', () => {
+    expect(mineAtFirst).toBe(false);
+  });
+
   test('is stale 400 ms after the newest frame was issued, late or not', async () => {
     expect(link.stale).toBe(false);
     await pass(350);

@@ -320,7 +320,8 @@ class Axis:
                     rested_s = None
                     continue
                 rested_s = rested_s or time.monotonic()
-                if abs(_turned(tags.pos_ref_deg - target_deg)) > _AT_TARGET_DEG:
+                left_deg = target_deg - tags.pos_ref_deg
+                if abs(_turned(left_deg) if tags.axis_kind == "modulo" else left_deg) > _AT_TARGET_DEG:
                     raise MotionStopped(f"stopped at {tags.pos_ref_deg:.4f} deg, before {target_deg:.4f} deg")
                 if tags.in_position:
                     return tags
@@ -335,7 +336,7 @@ class Axis:
 
 
 def _turned(angle_deg: float) -> float:
-    """The same angle within half a turn: a modulo axis counts its angle within one turn."""
+    """The same angle of a modulo axis, within half a turn."""
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 

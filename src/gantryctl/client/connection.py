@@ -141,9 +141,8 @@ class Connection:
             return Frame(self._mark, self._number, Tags.of(self._values))
 
     def _is_stale(self) -> bool:
-        silent_ms = 1e3 * (time.monotonic() - self._seen_s)
-        limit = self.welcome.stale_ms
-        return not (self._fresh and silent_ms <= limit and self._age_ms <= limit)
+        age_ms = self._age_ms + 1e3 * (time.monotonic() - self._seen_s)
+        return not (self._fresh and age_ms <= self.welcome.stale_ms)
 
     def _check_fresh(self) -> None:
         if self._ended is not None:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -54,10 +55,10 @@ class FakeService:
         self._out.put(json.dumps(WELCOME))
         self.frame(**tags(**values))
 
-    def frame(self, *, fresh: bool = True, **values: Any) -> str:
+    def frame(self, *, fresh: bool = True, age_ms: float = 1.0, **values: Any) -> str:
         self._frames += 1
         mark = f"{self._frames}-0123456789abcdef"
-        message = {"type": "status", "frame": mark, "fresh": fresh, "age_ms": 1.0, "tags": values}
+        message = {"type": "status", "frame": mark, "fresh": fresh, "age_ms": age_ms, "tags": values}
         self._out.put(json.dumps(message))
         return mark
 
@@ -145,8 +146,15 @@ def test_a_move_ends_at_its_target_and_not_where_somebody_has_stopped_it(
 
 
 def test_a_modulo_axis_counts_its_angle_within_one_turn(service: FakeService, axis: Axis) -> None:
-    service.moves["move_by"] = {"pos_ref_deg": 40.0}
+    service.moves["move_by"] = {"pos_ref_deg": 40.0, "axis_kind": "modulo"}
     assert axis.move_by(400.0).pos_ref_deg == 40.0
+
+
+def test_a_turn_away_from_its_target_a_linear_axis_is_not_there(service: FakeService, axis: Axis) -> None:
+    """From one end of +-180 deg to the other: somebody stops it before it has begun."""
+    service.moves["move"] = {"pos_ref_deg": -180.0}
+    with pytest.raises(MotionStopped, match=r"stopped at -180\.0000 deg, before 180"):
+        axis.move(180.0)
 
 
 def test_ctrl_c_while_it_moves_is_a_stop(
@@ -256,6 +264,21 @@ def test_what_is_not_the_present_state_is_no_state(service: FakeService, axis: A
     service.close()
     with pytest.raises(DeviceError, match="has gone"):
         axis.stop()
+
+
+def test_the_age_of_a_frame_is_that_of_its_values_and_what_has_passed_since(
+    axis: Axis, service: FakeService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 500 ms: 300 ms old as it came, so it is the present state for 200 ms more."""
+    now_s = [time.monotonic()]
+    monkeypatch.setattr("gantryctl.client.connection.time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    service.frame(age_ms=300.0, pos_ref_deg=1.0)
+    while axis._connection.frame.tags.pos_ref_deg != 1.0:
+        time.sleep(0.005)
+    now_s[0] += 0.199
+    assert not axis._connection.stale
+    now_s[0] += 0.002
+    assert axis._connection.stale
 
 
 def test_an_axis_shows_itself_in_a_notebook_without_any_markup_of_others() -> None:
