@@ -13,6 +13,8 @@ from gantryctl.trace.files import Floats
 from gantryctl.trace.table import Trace
 
 _MOVES: Final = "vel_ref_rad_s"
+# Times of one scan differ by the rounding of the shift; no scan is shorter than 100 times this.
+_SAME_SCAN_S: Final = 1e-6
 
 
 class ColumnDifference(NamedTuple):
@@ -52,7 +54,7 @@ def difference(first: Trace, second: Trace, shift_s: float) -> Trace:
     time_s, there_s = first.time_s, second.time_s + shift_s
     if not len(time_s) or not len(there_s):
         raise UsageError("one of the recordings has no row: there is nothing to compare")
-    both = (time_s >= there_s[0]) & (time_s <= there_s[-1])
+    both = (time_s >= there_s[0] - _SAME_SCAN_S) & (time_s <= there_s[-1] + _SAME_SCAN_S)
     names = [name for name in first.columns if name in second and name not in (TIME_COLUMN, SPACING_COLUMN)]
     if not both.any() or not names:
         raise UsageError(
@@ -71,7 +73,7 @@ def difference(first: Trace, second: Trace, shift_s: float) -> Trace:
 
 def _at(at_s: Floats, time_s: Floats, values: Floats, *, steps: bool) -> Floats:
     if steps:
-        return values[np.searchsorted(time_s, at_s, side="right") - 1]
+        return values[np.searchsorted(time_s, at_s + _SAME_SCAN_S, side="right") - 1]
     return np.interp(at_s, time_s, values)
 
 

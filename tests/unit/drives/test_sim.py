@@ -178,3 +178,57 @@ def test_a_drive_that_trips_while_it_is_enabled_has_no_torque_in_the_next_scan(m
     drive.trip(0x7500)
     drive.write(OutputImage(DriveRequest.ENABLE, brake_open=True))
     assert drive.read().state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
+
+def moving(machine: Machine):
+    """A drive that has turned with 1 deg/s for half a second."""
+    drive = sim_drive(machine, 0.0)
+    run(drive, 0.2, 0.0)
+    run(drive, 0.5, 1.0)
+    return drive
+
+
+def test_a_reading_that_freezes_again_stands_where_it_is_then(machine: Machine) -> None:
+    drive = moving(machine)
+    drive.faults.freeze_position = True
+    first = run(drive, 0.2, 1.0)
+    assert len(set(first[1:])) == 1
+    drive.faults.freeze_position = False
+    between = run(drive, 0.2, 1.0)
+    drive.faults.freeze_position = True
+    second = run(drive, 0.2, 1.0)
+    assert len(set(second[1:])) == 1
+    assert second[-1] >= between[-1] > first[-1]
+
+
+def test_a_fault_of_the_reading_alone_moves_the_plant_as_without_it(machine: Machine) -> None:
+    """Enabled, moved, stopped by a quick stop and switched off: the same motion to the bit."""
+    sound, spoilt = sim_drive(machine, 0.0), sim_drive(machine, 0.0)
+    spoilt.faults.torque_offset = 1.0
+    vel = math.radians(1.0) * machine.axis.ratio
+    for request, scans in (
+        (DriveRequest.ENABLE, 300), (DriveRequest.QUICK_STOP, 50), (DriveRequest.DISABLE, 50),
+    ):  # fmt: skip
+        for _ in range(scans):
+            for drive in (sound, spoilt):
+                drive.write(OutputImage(request, vel, brake_open=request is DriveRequest.ENABLE))
+            assert spoilt.truth() == sound.truth()
+            assert spoilt.read().state is sound.read().state
+
+
+def test_a_drive_without_torque_still_works_its_brake(machine: Machine) -> None:
+    drive = moving(machine)
+    drive.faults.no_torque = True
+    run(drive, 0.3, 1.0)
+    assert drive.read().brake_open
+
+
+def test_samples_within_a_scan_go_on_when_the_plant_changes(machine: Machine) -> None:
+    drive = sim_drive(machine, 0.0)
+    drive.sample_every(machine.control.scan_period_ms * 1e-3 / 4.0)
+    run(drive, 0.01, 0.0)
+    before = len(drive.sim.samples_taken())
+    drive.change_plant("brake_torque_nm", 1.0)
+    run(drive, 0.01, 0.0)
+    assert before > 1
+    assert len(drive.sim.samples_taken()) == before

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -378,3 +379,11 @@ def test_a_handler_of_the_caller_keeps_its_meaning(bench: Bench) -> None:
 def test_importing_the_runtime_does_not_import_pyarrow() -> None:
     code = "import sys, gantryctl.runtime, gantryctl.trace; sys.exit('pyarrow' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, env=os.environ).returncode == 0
+
+
+def test_time_goes_on_behind_work_between_scans_that_fails_too(bench: Bench) -> None:
+    started: list[int] = []
+    bench.engine.clock = SimpleNamespace(start=lambda: started.append(1))
+    with pytest.raises(DeviceError, match="did not answer"):
+        bench.engine.between_scans(raising(DeviceError("the drive did not answer")))
+    assert started == [1]

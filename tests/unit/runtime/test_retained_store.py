@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -261,3 +262,20 @@ def test_a_memory_without_a_field_is_refused_and_not_filled_up(name: str) -> Non
     del values[name]
     with pytest.raises(StateError, match=f"missing or unknown: {name}"):
         retained.from_json_values(values)
+
+
+def test_every_value_is_read_back_as_it_was_stored(memory: RetainedMemory) -> None:
+    """Each field with a value of its own: nothing takes the place of another, or its default."""
+    values: dict[str, Any] = {}
+    for number, field in enumerate(dataclasses.fields(Retained), start=1):
+        kind = str(field.type)
+        if field.name != "alarms":
+            values[field.name] = (
+                0.5 + number if "float" in kind else number if "int" in kind else f"word {number}"
+            )
+    entry = AlarmEntry("CTL-03", "text", "at", 1.5, 2.5, 3.5, 4.5, "STOP", "INT-03")
+    memory.store(Retained(**values, alarms=(entry,)))
+    found = RetainedMemory(memory.directory).load()
+    assert found is not None
+    assert {**vars(found), "alarms": ()} == {**values, "alarms": ()}
+    assert found.alarms == (entry,)

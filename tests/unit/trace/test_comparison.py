@@ -20,7 +20,7 @@ def recording(begins: int, bump_rad: float = 0.0, dial: float | None = None) -> 
     moving = np.arange(1000) >= begins
     pos = np.where(moving, 0.1 * (TIME_S - TIME_S[begins]), 0.0)
     pos[begins + 200] += bump_rad
-    metadata = {"period_s": PERIOD_S} | ({} if dial is None else {"dial_begin_deg": dial})
+    metadata = {"period_s": PERIOD_S} | ({} if dial is None else {"turn_begin_deg": dial})
     columns = {
         "time_s": TIME_S,
         "vel_ref_rad_s": 0.1 * moving,
@@ -50,6 +50,31 @@ def test_states_are_not_interpolated() -> None:
     assert set(np.abs(shifted["axis_state"])) <= {0.0, 3.0}
     # The ramp is half a row late, to a rounding.
     assert np.max(np.abs(shifted["pos_act_rad"])) == pytest.approx(0.1 * 0.5 * PERIOD_S, rel=1e-6)
+
+
+def test_the_rounding_of_the_shift_is_no_difference_of_states() -> None:
+    """The same motion, begun at each of 300 times: no row is compared with the one before it, and none is left out."""
+    first = recording(100)
+    for begins in range(100, 400):
+        found = difference(first, recording(begins), TIME_S[100] - TIME_S[begins])
+        assert len(found) == 1000 - (begins - 100)
+        assert not np.any(found["axis_state"])
+
+
+def test_the_worst_row_is_found_behind_rows_without_a_number() -> None:
+    first, second = recording(100), recording(100, bump_rad=math.radians(0.5))
+    first["pos_act_rad"][:50] = np.nan
+    row = {row.name: row for row in differences(difference(first, second, 0.0))}["pos_act_rad"]
+    assert (row.largest, row.time_s) == (pytest.approx(0.5), pytest.approx(0.3))
+
+
+def test_whole_turns_are_no_difference_of_angles_and_one_of_speeds() -> None:
+    first, second = recording(100, dial=0.0), recording(100, dial=0.0)
+    second["pos_act_rad"][:] += 2.0 * math.pi
+    second["vel_ref_rad_s"][:] += 2.0 * math.pi
+    rows = {row.name: row for row in differences(difference(first, second, 0.0))}
+    assert rows["pos_act_rad"].largest == pytest.approx(0.0, abs=1e-9)
+    assert rows["vel_ref_rad_s"].largest == pytest.approx(360.0)
 
 
 def test_equal_recordings_have_no_difference_and_strange_ones_are_refused() -> None:

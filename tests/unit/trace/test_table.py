@@ -113,3 +113,21 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     for write in (example().to_csv, example().to_parquet):
         with pytest.raises(UsageError, match="nowhere"):
             write(tmp_path / "nowhere" / "x")
+
+
+def thinned() -> Trace:
+    """Scans of 10 ms; rows at 40 and 70 ms stand for 4 and 3 of them, and 100 ms are missing before the last."""
+    times_s = np.array([0.00, 0.04, 0.05, 0.08, 0.18])
+    spacing_s = np.array([0.01, 0.04, 0.01, 0.03, 0.01])
+    return Trace({"time_s": times_s, "spacing_s": spacing_s, "x": np.arange(5.0)}, {"period_s": 0.01})
+
+
+def test_a_row_at_rest_stands_for_the_scans_before_it() -> None:
+    even = thinned().every_scan()
+    np.testing.assert_allclose(even.time_s, [0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.18])
+    assert even["x"].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 3.0, 3.0, 3.0, 4.0]
+    assert "spacing_s" not in even
+
+
+def test_a_row_at_rest_is_no_gap_and_neither_is_the_row_behind_it() -> None:
+    assert thinned().gaps() == [(0.08, 0.18)]

@@ -1,0 +1,216 @@
+"""The axis of a service from the command line, command by command, at a service that is played by the test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gantryctl.cli.axis import move as move_command
+from gantryctl.cli.axis import service_axis
+from gantryctl.cli.axis.service_axis import ServiceAxis
+from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.machine import default_machine, short_hash
+from gantryctl.operation.client import Ending, Stop
+from gantryctl.program import BrakeTestOutcome
+
+MACHINE = default_machine()
+AT_REST: dict[str, Any] = {
+    "config_hash": short_hash(MACHINE), "machine": MACHINE.name, "authority_user": "", "authority_client": "",
+    "at_rest": True, "in_position": True, "power": True, "power_phase": "on", "pos_act_deg": 10.0,
+    "target_deg": 10.0, "time_s": 5.0, "speed_max_deg_s": 6.0, "quick_dec_deg_s2": 3.0, "alarms": [],
+    "alarm_count": 0, "speed_setting_deg_s": 2.0, "override_percent": 40.0, "journal_sequence": 100,
+    "reset_locked": False, "blocked_by": "", "blocked_by_messages": [], "second_person": False,
+    "brake_tests": 3, "brake_test_phase": "idle", "brake_test_result": "passed", "brake_test_text": "old",
+    "brake_test_level_nm": 90.0, "brake_test_plus_nm": 91.0, "brake_test_minus_nm": -92.0,
+    "brake_test_moved_deg": 0.01, "brake_test_limit_deg": 0.05, "brake_test_due_at": "",
+    "brake_test_cycles_left": 7, "brake_test_overdue": False,
+}  # fmt: skip
+
+
+class Link:
+    """A connection whose tags change by what is asked, and by themselves with every look.
+
+    Attributes:
+        does: tags by kind of command. asked: kinds with their values, in their order.
+        looks: tags of the looks to come, each on top of those before.
+    """
+
+    client = "me"
+
+    def __init__(self, **tags: Any) -> None:
+        self.tags = {**AT_REST, **tags}
+        self.does: dict[str, dict[str, Any]] = {"give": {"authority_client": ""}}
+        self.asked: list[Any] = []
+        self.looks: list[dict[str, Any]] = []
+        self.when_looked: Callable[[], None] = lambda: None
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.asked.append("left")
+
+    def ask(self, kind: str, **values: Any) -> dict[str, Any]:
+        if kind == "set":
+            self.asked.append((values["tag"], values["value"]))
+            self.tags[values["tag"]] = values["value"]
+        else:
+            self.asked.append(kind)
+        self.tags.update(self.does.get(kind, {}))
+        return {"journal": 100}
+
+    def look(self) -> dict[str, Any]:
+        if self.looks:
+            self.tags.update(self.looks.pop(0))
+        self.when_looked()
+        return self.tags
+
+    def alive(self) -> None:
+        return
+
+
+def axis_of(link: Link, monkeypatch: pytest.MonkeyPatch, *, take_over: bool = False) -> ServiceAxis:
+    monkeypatch.setattr(service_axis, "ServiceLink", lambda *_: link)
+    return ServiceAxis(MACHINE, take_over=take_over)
+
+
+def test_a_move_borrows_speed_and_override_and_gives_both_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link()
+    link.does["move"] = {"at_rest": False, "pos_act_deg": 15.0}
+    link.looks = [{}, {}, {"at_rest": True, "in_position": False}, {"in_position": True, "pos_act_deg": 20.0}]
+    link.looks.append({"time_s": 9.0})
+    axis = axis_of(link, monkeypatch)
+    report = axis.move(20.0, 6.0, 0.5)
+    assert (report.ending, report.start_deg, report.end_deg) == (Ending.DONE, 10.0, 20.0)
+    assert [each for each in link.asked if each != "left"] == [
+        "take",
+        ("speed_setting_deg_s", 6.0),
+        ("override_percent", 50.0),
+        "move",
+        ("speed_setting_deg_s", 2.0),
+        ("override_percent", 40.0),
+    ]
+
+
+def test_a_move_that_was_stopped_is_not_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C on the way, and a second one before the axis stands."""
+    link = Link()
+    link.does["move"] = {"at_rest": False}
+    axis = axis_of(link, monkeypatch)
+    link.looks = [{}, {}, {}, {}, {"at_rest": True, "in_position": False}]
+    asks = iter((Stop.NO, Stop.NO, Stop.RAMP, Stop.QUICK))
+
+    def pressed() -> None:
+        axis.stop = next(asks, Stop.QUICK)
+
+    link.when_looked = pressed
+    assert axis.move(20.0).ending is Ending.STOPPED
+    assert [kind for kind in link.asked if kind in ("stop", "quick_stop")] == ["stop", "quick_stop"]
+
+
+def test_what_moves_is_left_alone_or_stands_before_anything_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(at_rest=False, target_deg=50.0)
+    with pytest.raises(CommandRefused, match=r"moves to 50\.00 deg"):
+        axis_of(link, monkeypatch).take()
+    assert "stop" not in link.asked
+    link = Link(at_rest=False)
+    link.looks = [{}, {"pos_act_deg": 29.0}, {"at_rest": True, "pos_act_deg": 30.0}]
+    assert axis_of(link, monkeypatch, take_over=True).take() == 30.0
+    assert link.asked == ["take", "stop"]
+
+
+def test_power_goes_off_under_the_control_of_who_has_switched_it_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(power=False, power_phase="off")
+    link.does["power"] = {"power": True, "power_phase": "on"}
+    axis = axis_of(link, monkeypatch)
+    axis.power_up()
+    axis.close("done")
+    assert link.asked == ["take", "power", "power", "give", "left"]
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    axis.power_up()
+    axis.close("done")
+    assert link.asked == ["take", "give", "left"], "power that was on belongs to somebody else"
+
+
+def test_the_alarm_that_stopped_the_axis_is_told_and_not_one_that_followed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = [
+        {"first_out": False, "severity": "STOP", "code": "DRV-01", "text": "DRV-01 STOP"},
+        {"first_out": True, "severity": "STOP", "code": "CTL-03", "text": "CTL-03 STOP"},
+    ]
+    link = Link()
+    link.does["move"] = {"at_rest": False}
+    link.looks = [{}, {}, {"power": False, "alarms": rows}]
+    with pytest.raises(AlarmStop) as stopped:
+        axis_of(link, monkeypatch).move(20.0)
+    assert stopped.value.code == "CTL-03"
+
+
+def test_a_brake_test_has_a_result_once_this_command_has_made_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    axis.tags = link.tags
+    assert axis.brake_test_report().outcome is BrakeTestOutcome.NONE
+    link.does["brake_test"] = {"brake_test_phase": "enabling"}
+    link.looks = [{}, {}, {"brake_test_phase": "idle"}, {"brake_tests": 4, "brake_test_result": "failed"}]
+    assert axis.test_brake().outcome is BrakeTestOutcome.FAILED
+    assert link.asked == ["take", "arm", "brake_test"]
+
+
+def test_a_lock_that_nobody_has_looked_at_is_not_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    axis.look()
+    axis.tags = dict(axis.tags)
+    link.tags["reset_locked"] = True
+    with pytest.raises(CommandRefused, match="look, then ask again"):
+        axis.reset()
+    assert not {"arm", "reset"} & set(link.asked)
+
+
+def test_a_reset_names_what_has_gone_and_what_has_stayed(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(alarms=[{"code": "CTL-03"}, {"code": "INT-03"}], alarm_count=2)
+    link.does["reset"] = {"alarms": [{"code": "INT-03"}], "alarm_count": 1}
+    assert axis_of(link, monkeypatch).reset() == "CTL-03 reset; still there: INT-03"
+
+
+def test_another_configuration_or_holder_is_refused_before_control_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for tags, words in (
+        ({"config_hash": "x"}, "the service runs"),
+        ({"authority_user": "otto"}, "otto has control"),
+    ):
+        link = Link(**tags)
+        with pytest.raises(CommandRefused, match=words):
+            axis_of(link, monkeypatch).take()
+        assert "take" not in link.asked
+    link = Link(authority_user="otto")
+    axis_of(link, monkeypatch, take_over=True).take()
+    assert link.asked == ["take"]
+
+
+def test_the_question_before_a_move_names_the_stop_of_the_drive_as_it_was_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """6 deg/s with 3 deg/s2: 36 / 6 = 6 deg; the machine file has 5.4 deg/s2, 3.33 deg."""
+    axis = axis_of(Link(), monkeypatch)
+    asked = move_command._way(axis, 10.0, -100.0, 6.0, None, None)
+    assert asked.endswith(
+        "from 10.000 to -100.000 deg, way 110.000 deg at 6 deg/s, a quick stop takes 6.00 deg"
+    )
+    asked = move_command._way(axis, 170.0, -170.0, 3.0, None, None)
+    assert asked.endswith("a quick stop takes 1.50 deg; 340 deg the long way: cable")
+    with pytest.raises(CommandRefused, match="beyond"):
+        move_command._way(axis, 10.0, 200.0, 6.0, None, None)
+
+
+@pytest.mark.parametrize("moved_deg", [0.02, -0.02])
+def test_an_axis_that_has_moved_while_a_person_was_asked_is_asked_for_again(moved_deg: float) -> None:
+    move_command._check_unmoved(MACHINE, 10.0, 10.0 + 0.4 * moved_deg)
+    with pytest.raises(CommandRefused, match="look, then ask again"):
+        move_command._check_unmoved(MACHINE, 10.0, 10.0 + moved_deg)

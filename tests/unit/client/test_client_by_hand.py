@@ -1,0 +1,175 @@
+"""What a client sends and what it takes for done, frame by frame, against a service that is played by the test."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gantryctl.client import Axis, MotionStopped, Refused, Service
+from gantryctl.client import axis as client_axis
+from gantryctl.errors import DeviceError, UsageError
+from unit.client.played_service import PATIENCE_S, FakeService
+
+
+@pytest.fixture
+def service() -> FakeService:
+    return FakeService(power=True)
+
+
+@pytest.fixture
+def axis(service: FakeService) -> Iterator[Axis]:
+    made = Axis(service)
+    yield made
+    made.close()
+
+
+def seen(axis: Axis, monkeypatch: pytest.MonkeyPatch, *frames: dict[str, Any]) -> None:
+    """Let the axis see these frames one after the other, 60 s apart, and nothing behind them."""
+    now = axis.tags
+    clock = SimpleNamespace(now_s=0.0)
+    monkeypatch.setattr(client_axis, "time", SimpleNamespace(monotonic=lambda: clock.now_s))
+
+    def shown() -> Iterator[Any]:
+        for values in frames:
+            clock.now_s += 60.0
+            yield replace(now, **values)
+
+    monkeypatch.setattr(axis, "frames", shown)
+
+
+def test_a_wait_in_vain_has_no_tags(axis: Axis, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen(axis, monkeypatch, {"pos_ref_deg": 1.0}, {"pos_ref_deg": 2.0})
+    assert axis.wait_until(lambda tags: tags.pos_ref_deg == 2.0, 90.0) is not None
+    seen(axis, monkeypatch, {"pos_ref_deg": 1.0}, {"pos_ref_deg": 2.0})
+    assert axis.wait_until(lambda tags: tags.pos_ref_deg == 2.0, 30.0) is None
+
+
+@pytest.mark.parametrize(("direction", "end_deg"), [("forward", 3.5), ("reverse", 2.5)])
+def test_an_increment_ends_one_increment_further_in_its_direction(direction: Any, end_deg: float) -> None:
+    service = FakeService(power=True, pos_ref_deg=3.0, increment_deg=0.5, mode="continuous")
+    service.moves["mode"] = {"mode": "incremental"}
+    service.moves["increment"] = {"pos_ref_deg": end_deg}
+    with Axis(service) as axis:
+        assert axis.increment(direction).pos_ref_deg == end_deg
+    assert service.kinds() == ["mode", "increment"]
+    assert [each["direction"] for each in service.sent if each["type"] == "increment"] == [direction]
+
+
+def test_a_way_counts_from_the_set_point() -> None:
+    service = FakeService(power=True, pos_ref_deg=3.0, pos_act_deg=3.01)
+    service.moves["move_by"] = {"pos_ref_deg": 5.0}
+    with Axis(service) as axis:
+        assert axis.move_by(2.0).pos_ref_deg == 5.0
+
+
+def test_a_key_is_held_in_continuous_mode_only() -> None:
+    service = FakeService(power=True, mode="incremental")
+    service.moves["mode"] = {"mode": "continuous"}
+    with Axis(service) as axis, axis.hold("forward", speed_deg_s=1.0):
+        pass
+    assert service.kinds() == ["mode", "set", "jog", "release"]
+
+
+def test_a_brake_test_ends_with_its_own_result() -> None:
+    service = FakeService(power=False, power_phase="off", brake_tests=4)
+    service.moves["brake_test"] = {"brake_tests": 5}
+    with Axis(service) as axis:
+        assert axis.test_brake(PATIENCE_S).brake_tests == 5
+    assert service.kinds() == ["brake_test"]
+
+
+def test_a_move_that_begins_late_and_lasts_long_is_done_where_it_ends(
+    axis: Axis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At rest for a frame, then on its way for longer than the 10 s that it may take to settle."""
+    there = {"pos_ref_deg": 0.0, "in_position": False}
+    seen(axis, monkeypatch, there, {"at_rest": False}, there, {**there, "in_position": True})
+    assert axis.move(0.0).in_position
+    seen(axis, monkeypatch, there, there)
+    with pytest.raises(MotionStopped, match="not in position after 10 s"):
+        axis.move(0.0)
+
+
+def test_a_move_ends_where_power_goes_off(axis: Axis, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen(axis, monkeypatch, {"at_rest": False}, {"power": False, "pos_ref_deg": 10.0, "in_position": True})
+    with pytest.raises(MotionStopped, match="power was switched off"):
+        axis.move(10.0)
+
+
+def test_a_key_is_renewed_with_the_frame_that_the_loop_has_seen(axis: Axis, service: FakeService) -> None:
+    with axis.hold("forward") as key:
+        looked_at = service.sent[-1]["frame"]
+        newest = service.frame()
+        while axis._connection.frame.mark != newest:
+            time.sleep(0.005)
+        next(key)
+        renewed = [message["frame"] for message in service.sent if message["type"] == "renew"]
+    assert renewed == [looked_at]
+
+
+def test_a_frame_without_an_age_is_not_the_present_state(axis: Axis, service: FakeService) -> None:
+    service.frame(age_ms=None, pos_ref_deg=1.0)
+    until_s = time.monotonic() + PATIENCE_S
+    while axis._connection._values["pos_ref_deg"] != 1.0 and time.monotonic() < until_s:
+        time.sleep(0.005)
+    with pytest.raises(DeviceError, match="no present state"):
+        _ = axis.tags
+
+
+def test_a_refusal_belongs_to_its_message_and_not_to_one_before(axis: Axis, service: FakeService) -> None:
+    connection = axis._connection
+    service.refused["renew"] = "SEC-09"
+    seq = connection.say("renew", lease="0" * 16)
+    while connection.refusal_from(0) is None:
+        time.sleep(0.005)
+    found = connection.refusal_from(seq)
+    assert found is not None
+    assert (found.seq, found.code) == (seq, "SEC-09")
+    assert connection.refusal_from(seq + 1) is None
+
+
+class Answers(Service):
+    """A session whose requests the test answers."""
+
+    def __init__(self, **answers: bytes) -> None:
+        self._answers, self._cookie = answers, ""
+        self.asked: list[str] = []
+
+    def _ask(self, method: str, path: str, body: object = None) -> bytes:
+        self.asked.append(f"{method} {path}")
+        return self._answers[path.strip("/").partition("?")[0]]
+
+
+def test_the_status_of_a_silent_controller_is_none(service: FakeService) -> None:
+    with pytest.raises(DeviceError, match="its controller is silent"):
+        Answers(status=b'{"fresh": false, "tags": {}}').status()
+
+
+def test_events_go_on_behind_a_number() -> None:
+    row = (
+        b'{"seq": 8, "utc": "u", "kind": "alarm", "user": "a", "role": "r", "place": "p", "text": "t", '
+        b'"detail": "{\\"code\\": \\"CTL-03\\"}", "hash": "h"}\n'
+    )
+    asked = Answers(journal=row)
+    assert [(event.seq, event.values) for event in asked.events(after=7, limit=2)] == [
+        (8, {"code": "CTL-03"})
+    ]
+    assert asked.asked == ["GET /journal?from=7&limit=2"]
+
+
+@pytest.mark.parametrize("host", ["localhost.example", "127.0.0.1.example", "192.168.0.1", "localhost6"])
+def test_only_this_computer_gets_a_password_without_tls(host: str) -> None:
+    with pytest.raises(UsageError, match="with TLS only"):
+        Service(f"http://{host}:8650", "anna", "secret")
+
+
+def test_who_has_taken_no_control_gives_none_back(service: FakeService) -> None:
+    service.refused["take"] = "SEC-07"
+    with Axis(service) as axis, pytest.raises(Refused):
+        axis.take()
+    assert service.kinds() == ["take"]
