@@ -49,6 +49,7 @@ class Retainer:
         law = self._axis.settings.law
         self._rad_per_count = math.tau / (law.counts_per_turn * law.ratio)
         self._thread: threading.Thread | None = None
+        self._waiting = ""
 
     @property
     def power_ups(self) -> int:
@@ -62,7 +63,9 @@ class Retainer:
             self.start("power on")
 
     def scan(self) -> None:
-        """Count motions and travelled angle."""
+        """Count motions and travelled angle; write what has waited for the disk."""
+        if self._waiting:
+            self.start(self._waiting)
         axis = self._axis
         moving = axis.state in _MOVING
         if moving is not self._moving:
@@ -77,10 +80,13 @@ class Retainer:
             self._last_pos_rad = pos
 
     def start(self, why: str) -> None:
-        """Write the state in a thread: the scan does not wait for the disk."""
-        if self._thread is None or not self._thread.is_alive():
-            self._thread = threading.Thread(target=self._write, args=(self._state(why),))
-            self._thread.start()
+        """Write the state in a thread, behind a write that is under way: the scan does not wait for the disk."""
+        if self._thread is not None and self._thread.is_alive():
+            self._waiting = why
+            return
+        self._waiting = ""
+        self._thread = threading.Thread(target=self._write, args=(self._state(why),))
+        self._thread.start()
 
     def join(self) -> None:
         """Wait for a write that was started."""
