@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveFeedback, DriveIdentity
-from gantryctl.machine import Machine, config_hash
+from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import after_test, judge_due, still_failed
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Axis, BrakeTestResult, Code
@@ -105,7 +105,6 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
     alarms, held = _alarms(axis, end, before.brake_failed)
     return replace(
         before,
-        config_hash=config_hash(machine),
         rest_position_counts=None
         if _may_turn_on(machine, axis) and not axis.is_off
         else int(counts) % counts_range,

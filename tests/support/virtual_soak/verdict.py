@@ -16,8 +16,8 @@ WARM_UP_DAYS: Final = 1
 """Caches and pools fill: not judged."""
 _DAYS_LEAST: Final = 10
 LIFE_WARM_UP_H: Final = 220.0
-"""Of a controller without a start: until lists of free tuples of CPython 3.11 are full (2,000 of a length, 9 an hour by
-the rates of its first hours), those of 1,000 leases (5 an hour) and SQLite's cache of pages (2 MB, 45 h)."""
+"""Of a controller without a start: until 1,000 leases are remembered (5 an hour, 230 bytes each) and SQLite's cache of
+pages is full (2 MB, 45 h)."""
 _LIFE_JUDGED_LEAST_H: Final = 48.0
 DRIFT_MAX_COUNTS: Final = 0.5
 """Half a count of the absolute encoder: rounded, none. Errors within a signal period and a turn are below 0.2."""

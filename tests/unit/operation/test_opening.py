@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.errors import UsageError
-from gantryctl.machine import with_values
+from gantryctl.machine import config_hash, with_values
 from gantryctl.operation import opening
 from gantryctl.operation.opening import (
     close_axis,
@@ -65,6 +65,11 @@ def kept(turned_deg: float = 0.0, error_stop: str = "") -> StateStore:
         replace(found.retained, rest_position_counts=moved, error_stop=error_stop),
     )  # fmt: skip
     return store
+
+
+def test_memory_of_another_machine_file_is_that_of_this_one_from_the_opening_on() -> None:
+    with kept_machine(config_hash="of another file") as store:
+        assert open_axis(MACHINE, store).retained.config_hash == config_hash(MACHINE)
 
 
 @pytest.mark.parametrize(
