@@ -144,6 +144,8 @@ def test_a_sample_has_the_mean_of_its_torques() -> None:
         for torque in (5.0, 6.0, 7.0, 8.0, 14.0):
             watch.scan(POS_RAD, 2.0, 0.0, torque, 0.0)
     assert kept(watch, "torque") == pytest.approx(upper((0.6, 0.8, 1.0, 56.0 - 76.0 - 18.6)))
+    # Encoders that agree, and laws that have followed nothing.
+    assert kept(watch, "ring") == pytest.approx(upper((1.0, 0.6, 0.8, 1.0, 0.0)))
 
 
 def test_what_a_move_leaves_of_a_sample_belongs_to_no_other_move() -> None:
