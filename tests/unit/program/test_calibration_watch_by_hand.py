@@ -109,7 +109,7 @@ def test_the_encoders_lie_apart_by_the_flank_and_by_what_the_laws_have_followed(
     ("changes", "acc", "taken"),
     [
         ({"flank_nm": 71.5}, 0.0, 1.0),
-        ({"flank_nm": 72.5}, 0.0, 0.0),  # nearer to 0 the flank is not known
+        ({"flank_nm": 72.0}, 0.0, 0.0),  # nearer to 0 the flank is not known
         ({"flank_nm": 1.0}, 1e-9, 0.0),  # a change of speed winds the gears up
         ({"flank_nm": 1.0, "load_side": False}, 0.0, 0.0),
     ],
@@ -290,6 +290,14 @@ def test_what_was_found_first_stays_and_what_is_seen_goes_on() -> None:
         watch._weigh("friction", measured, 1.0, 0.0)
     assert watch.found == {"friction": Finding(2.0, 1.0)}
     assert watch.seen == {"friction": Finding(-3.0, 1.0)}
+
+
+def test_what_is_retained_is_judged_by_the_first_move_and_not_before() -> None:
+    watch = watch_of(moment_bound_nm=1.0)
+    watch.restore({**watch.memory, "torque": torques(2000.0, 2.5)})
+    assert not watch.rest()
+    scanned(watch, scans=1)
+    assert watch.rest()
 
 
 def test_an_axis_at_rest_has_no_move_that_ends_again() -> None:
