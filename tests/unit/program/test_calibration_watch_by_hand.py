@@ -149,12 +149,25 @@ def test_a_sample_has_the_mean_of_its_torques() -> None:
 
 
 def test_what_a_move_leaves_of_a_sample_belongs_to_no_other_move() -> None:
+    taken: list[tuple[float, ...]] = []
+    stub: Any = SimpleNamespace(sample=lambda *row: taken.append(row), abandon=lambda: None)
     watch, alone = watch_of(), watch_of()
+    watch._swing = alone._swing = stub
     scanned(watch, scans=3, torque=1000.0)
     assert not watch.rest()
     for each in (watch, alone):
-        scanned(each)
-    assert kept(watch, "torque") == kept(alone, "torque")
+        scanned(each, scans=4)
+        assert len(taken) == (each is alone)
+        scanned(each, scans=1)
+    assert taken[0] == taken[1]
+
+
+def test_every_fifth_sample_goes_into_the_sums() -> None:
+    watch = watch_of()
+    for scans, samples in ((25, 1.0), (20, 1.0), (5, 2.0), (20, 2.0), (5, 3.0)):
+        scanned(watch, scans=scans)
+        # The memory loses 8e-5 of each with the next one.
+        assert kept(watch, "torque")[0] == pytest.approx(samples, rel=1e-3)
 
 
 def test_motion_that_is_too_slow_ends_the_swing_that_is_watched() -> None:
@@ -198,9 +211,9 @@ def torques(samples: float, alike: float) -> list[float]:
     """Sums in which 30 N m of sine, 40 of cosine and -7 of friction are more than calibrated; each with its prior.
 
     Every product of two unknowns is 0. What is left has a variance of 10 over so many samples alike: the standard
-    deviations are sqrt(10 / 1200), sqrt(10 / 800) and sqrt(10 / 2000), 0.0913, 0.1118 and 0.0707 N m.
+    deviations are sqrt(10 / 1200), sqrt(10 / 800) and sqrt(10 / 500), 0.0913, 0.1118 and 0.1414 N m.
     """
-    sine, cosine, friction = 1200.0, 800.0, 2000.0
+    sine, cosine, friction = 1200.0, 800.0, 500.0
     square = 30.0 * 30.0 * sine + 40.0 * 40.0 * cosine + 49.0 * friction + samples * 10.0 / alike
     return [
         samples, sine - RIDGE, 0.0, 0.0, 30.0 * sine, cosine - RIDGE, 0.0, 40.0 * cosine,
@@ -211,8 +224,8 @@ def torques(samples: float, alike: float) -> list[float]:
 ANGLES = [
     # The same in microradians, with an offset of 9 and no prior.
     2000.0, 2000.0, 0.0, 0.0, 0.0, 9e-6 * 2000.0, 1200.0, 0.0, 0.0, 30e-6 * 1200.0, 800.0, 0.0, 40e-6 * 800.0,
-    2000.0, -7e-6 * 2000.0,
-    1e-12 * (81.0 * 2000.0 + 900.0 * 1200.0 + 1600.0 * 800.0 + 49.0 * 2000.0 + 10.0 / 2.5 * 2000.0),
+    500.0, -7e-6 * 500.0,
+    1e-12 * (81.0 * 2000.0 + 900.0 * 1200.0 + 1600.0 * 800.0 + 49.0 * 500.0 + 10.0 / 2.5 * 2000.0),
 ]  # fmt: skip
 
 
@@ -234,8 +247,8 @@ def test_a_moment_is_another_one_4_5_standard_deviations_beyond_its_bound(
 
 
 def test_friction_is_another_one_beyond_its_bound_in_either_direction() -> None:
-    """7 - 4.5 x 0.0707 = 6.682."""
-    for bound, found in ((6.67, True), (6.69, False)):
+    """7 - 4.5 x 0.1414 = 6.364."""
+    for bound, found in ((6.35, True), (6.38, False)):
         watch = watch_of(friction_bound_nm=bound)
         assert judged(watch, torque=torques(2000.0, 2.5)) is found
         assert watch.seen["friction"] == pytest.approx((-7.0, bound))
@@ -250,8 +263,8 @@ def test_the_maps_are_others_beyond_their_bound() -> None:
 
 
 def test_lost_motion_is_another_one_both_ways_together() -> None:
-    """-14 urad, and twice the deviation: 14 - 4.5 x 2 x 0.0707 = 13.364."""
-    for bound, found in ((13.35e-6, True), (13.38e-6, False)):
+    """-14 urad, and twice the deviation: 14 - 4.5 x 2 x 0.1414 = 12.727."""
+    for bound, found in ((12.71e-6, True), (12.74e-6, False)):
         watch = watch_of(lost_motion_bound_rad=bound)
         # 8,200 samples fill 68.3 % of a memory of 12,000.
         assert judged(watch, torque=torques(8200.0, 2.5), ring=ANGLES) is found
