@@ -16,6 +16,7 @@ from gantryctl.service.command import rules
 from gantryctl.service.command.authority import Authority
 from gantryctl.service.command.inbox import Gone, PendingCommand
 from gantryctl.service.command.lease import HoldToRun
+from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.protocol.messages import Message, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
@@ -156,6 +157,35 @@ def test_a_quick_stop_is_no_other_stop_as_well() -> None:
     bench.scans(500)
     bench.operator.stop(quick=True)
     assert (bench.operator.levels.quick_stop, bench.operator.levels.stop) == (True, False)
+
+
+def test_a_quick_stop_of_a_brake_test_is_no_other_stop_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+    monkeypatch.setattr(ServiceOperator, "_testing", True)
+    for quick in (True, False):
+        bench.operator.stop(quick=quick)
+        assert (bench.operator.levels.quick_stop, bench.operator.levels.stop) == (quick, not quick)
+        bench.operator.levels = bench.operator.levels._replace(quick_stop=False, stop=False)
+
+
+def test_a_brake_test_that_has_ended_by_itself_stops_nothing_later() -> None:
+    """Neither the motion of whoever takes control next nor, once more, an axis that is shut down."""
+    bench = Bench()
+    one, operator = bench.who(), bench.operator
+    bench.powered(one)
+    operator._test_epoch, operator._test_ended = bench.epoch, False
+    bench.do(one, "move", target_deg=20.0)
+    operator.authority.new_epoch()
+    bench.scans(20)
+    assert bench.axis.state is AxisState.DISCRETE_MOTION
+    bench.do(one, "stop")
+    bench.until(AxisState.STANDSTILL)
+    operator._test_epoch, operator._test_ended = bench.epoch, False
+    bench.scans(10)
+    epoch = bench.epoch
+    operator.shutdown = True
+    bench.scans(5)
+    assert bench.epoch == epoch
 
 
 def test_a_shutdown_of_a_moving_axis_is_one_stop() -> None:

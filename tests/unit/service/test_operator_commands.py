@@ -199,6 +199,7 @@ def test_a_paused_motion_ends_with_its_holder() -> None:
     bench.do(who, "give")
     other = bench.who(client="another")
     bench.scans(500)
+    assert bench.axis.state is AxisState.STANDSTILL
     bench.do(other, "take", over=False)
     bench.do(other, "set", tag="override_percent", value=100.0)
     assert stays(bench)
