@@ -131,7 +131,9 @@ def test_an_alarm_that_ends_a_run_is_known_to_the_next_one() -> None:
     delivered()
     with opened() as desk:
         desk.scans(3)
+        desk.controller._record_on()
         desk.controller._close(AlarmStop("the drive has left", Code.DRV_11))
+        assert desk.controller._recorder.number == 0
         assert desk.memory.words[Word.CONTROLLER_CLEAN] == 0
     kept = retained()
     assert kept.last_result == "stopped by an alarm: the drive has left"
