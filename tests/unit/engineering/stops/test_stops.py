@@ -14,7 +14,7 @@ from gantryctl.engineering.stops import (
 )
 from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.limits import hardest_quick_stop
-from gantryctl.engineering.stops.run import StopCase, within_ratings, worst_of, worst_stops
+from gantryctl.engineering.stops.run import StopCase, log_stop, within_ratings, worst_of, worst_stops
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.text import key_lines, watch_lines
 from gantryctl.errors import ConfigError
@@ -211,3 +211,18 @@ def test_a_motor_that_cannot_stop_the_load_at_all_is_said() -> None:
     )
     with pytest.raises(ConfigError, match="choose a larger motor or reducer"):
         find_quick_dec(weak)
+
+
+def test_a_gentle_quick_stop_is_watched_to_its_end() -> None:
+    """0.5 deg/s2 from 6 deg/s: 36 deg in 12 s, ten times as long as that of the file; compliance adds little."""
+    stop = run_stop(MACHINE, StopClass.QUICK, 6.0, 0.0, quick_dec_deg_s2=0.5)
+    assert stop.angle_deg == pytest.approx(36.0, rel=0.01)
+    assert stop.time_s == pytest.approx(12.0, rel=0.02)
+
+
+def test_torque_of_a_stop_is_that_of_the_motor_that_has_more_of_it() -> None:
+    """Of two motors braced by 25 N m each has half, and the one 25 N m more."""
+    two = with_values(MACHINE, {"plant.switches.second_pinion": True, "plant.second_pinion.preload_nm": 25.0})
+    case = (StopClass.QUICK, 3.0, 0.0)
+    torque = max(abs(log_stop(two, *case)["torque_act_nm"]))
+    assert run_stop(two, *case).torque_motor_nm == pytest.approx(0.5 * torque + 25.0)
