@@ -1,0 +1,262 @@
+// What the areas show and offer of the tags, word by word.
+import { flushSync, mount, unmount, type Component } from 'svelte';
+import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
+import Alarms from '../src/areas/Alarms.svelte';
+import { hold } from '../src/lib/hold.svelte';
+import { link } from '../src/lib/link.svelte';
+import { made, said } from '../src/lib/messages';
+import { prefs } from '../src/lib/prefs.svelte';
+import { sight } from '../src/lib/sight.svelte';
+import Bar from '../src/parts/Bar.svelte';
+import BrakeTest from '../src/parts/BrakeTest.svelte';
+import Dial from '../src/parts/Dial.svelte';
+import HoldKey from '../src/parts/HoldKey.svelte';
+import Overview from '../src/parts/Overview.svelte';
+import Reset from '../src/parts/Reset.svelte';
+import type { Reply, Welcome } from '../src/lib/protocol';
+import type { AlarmRow, Tags } from '../src/lib/tables';
+
+let shown: Record<string, unknown> | undefined;
+
+beforeEach(() => {
+  vi.spyOn(sight, 'look').mockImplementation(() => {});
+  vi.stubGlobal('fetch', () => Promise.resolve(new Response('[]')));
+  sight.stop = true;
+  prefs.language = 'en';
+  link.stale = false;
+  link.session = { user: 'anna', person: 'Anna', role: 'service', may: [] };
+  link.welcome = {
+    client: 'c1',
+    may: ['authority', 'take_over', 'acknowledge', 'reset', 'reset_locked', 'jog', 'brake_test'],
+  } as unknown as Welcome;
+  link.tags = {};
+});
+afterEach(() => {
+  if (shown) void unmount(shown);
+  shown = undefined;
+  document.body.innerHTML = '';
+  prefs.language = 'en';
+  vi.restoreAllMocks();
+});
+
+function show<P extends Record<string, unknown>>(
+  part: Component<P>,
+  props: P,
+  tags: Partial<Tags>,
+): HTMLElement {
+  if (shown) void unmount(shown);
+  link.tags = tags;
+  shown = mount(part, { target: document.body, props });
+  flushSync();
+  return document.body;
+}
+function key(name: string): HTMLButtonElement {
+  const found = [...document.querySelectorAll('button')].find((each) => each.textContent?.trim() === name);
+  if (found === undefined) throw new Error(`no button ${name}`);
+  return found;
+}
+
+describe('control', () => {
+  test.each([
+    [{ authority_client: null, authority_user: null }, 'Nobody', 'take', false, { over: false }],
+    [{ authority_client: 'c2', authority_user: 'ben', at_rest: true }, 'ben', 'over', false, { over: true }],
+    [{ authority_client: 'c2', authority_user: 'ben', at_rest: false }, 'ben', 'over', true, null],
+  ] as const)('of %o', (tags, who, label, disabled, sent) => {
+    const send = vi.spyOn(link, 'send').mockResolvedValue({ ok: true } as Reply);
+    show(Overview, {}, tags as Partial<Tags>);
+    const cell = document.querySelector('[data-testid=control]')!;
+    expect(cell.querySelector('b')?.textContent?.toLowerCase()).toBe(who.toLowerCase());
+    const button = cell.querySelector('button')!;
+    expect(button.textContent?.toLowerCase()).toContain(label);
+    expect(button.disabled).toBe(disabled);
+    button.click();
+    expect(send.mock.calls).toEqual(sent === null ? [] : [['take', sent]]);
+  });
+
+  test('of mine is given back', () => {
+    const send = vi.spyOn(link, 'send').mockResolvedValue({ ok: true } as Reply);
+    show(Overview, {}, { authority_client: 'c1', authority_user: 'anna', at_rest: false });
+    document.querySelector<HTMLButtonElement>('[data-testid=control] button')!.click();
+    expect(send.mock.calls).toEqual([['give', {}]]);
+  });
+
+  test('what is unknown of alarms is not none', () => {
+    const cell = (): string => document.querySelector('[data-testid=alarm]')?.textContent ?? '';
+    show(Overview, {}, {});
+    const unknown = cell();
+    show(Overview, {}, { alarms: [] });
+    expect(cell()).not.toBe(unknown);
+  });
+});
+
+describe('alarms', () => {
+  const row = (id: number, code: string, more: Partial<AlarmRow> = {}): AlarmRow =>
+    ({
+      id, code, severity: 'STOP', title: `title ${code}`, measured: `measured ${code}`, values: {}, steps: [],
+      done: `done ${code}`, to_do: `to do ${code}`, cause: `cause ${code}`, text: '', at: '2026-11-28T10:00:00Z',
+      time_s: 1, pos_act_deg: -5, active: true, first_out: false, follows: '', lock: false, acknowledged_by: '', ...more,
+    }) as AlarmRow; // prettier-ignore
+  const detail = (): string => document.querySelector('.detail')?.textContent ?? '';
+
+  test('the first is shown whole until another is chosen, and that one is acknowledged', () => {
+    const send = vi.spyOn(link, 'send').mockResolvedValue({ ok: true } as Reply);
+    const [first, second] = [row(7, 'CTL-03', { first_out: true }), row(8, 'BRK-06', { follows: 'CTL-03' })];
+    show(Alarms, {}, { alarms: [first, second], alarm_history: [second, first], reset_locked: false });
+    for (const part of ['measured', 'cause', 'done', 'to do']) expect(detail()).toContain(`${part} CTL-03`);
+    document.querySelectorAll<HTMLButtonElement>('.link')[1]?.click();
+    flushSync();
+    expect(detail()).toContain('measured BRK-06');
+    key('Acknowledge').click();
+    expect(send.mock.calls).toEqual([['acknowledge', { id: 8 }]]);
+  });
+
+  test('one that somebody has seen is not seen again, and the angle is that of the alarm', () => {
+    show(Alarms, {}, { alarms: [row(7, 'CTL-03', { acknowledged_by: 'ben' })], alarm_history: [] });
+    expect(key('Acknowledge').disabled).toBe(true);
+    expect(detail()).toContain('ben');
+    expect(detail()).toContain('−5.000°');
+    show(Alarms, {}, { alarms: [row(7, 'CTL-03', { pos_act_deg: null })], alarm_history: [] });
+    expect(detail()).toContain('–°');
+  });
+
+  test('a reset that meets something locked takes two steps', () => {
+    show(Reset, {}, { reset_locked: false, authority_client: 'c1' });
+    expect(document.querySelectorAll('button')).toHaveLength(1);
+    show(Reset, {}, { reset_locked: true, authority_client: 'c1' });
+    const [arm, go] = document.querySelectorAll('button');
+    expect([arm?.disabled, go?.disabled]).toEqual([false, true]);
+  });
+});
+
+describe('drawings', () => {
+  /** Angle, clockwise from the top, and radius of the end of a path. */
+  function ends(path: string): number[] {
+    const numbers = path.match(/-?\d+\.\d\d/g)!.map(Number);
+    const [x, y] = numbers.slice(-2) as [number, number];
+    return [(Math.atan2(x, -y) * 180) / Math.PI, Math.hypot(x, y)];
+  }
+  const AXIS: Partial<Tags> = {
+    axis_kind: 'linear', pos_min_deg: -180, pos_max_deg: 180, pos_act_deg: 30, drawing: 'couch',
+  }; // prettier-ignore
+
+  test.each([
+    [2, 10, 40],
+    [-2, 10, 20],
+    [0, 10, null],
+  ])('the way to rest with %s deg/s is on its side', (vel_ref_deg_s, stopping_angle_deg, to) => {
+    show(
+      Dial,
+      {},
+      { ...AXIS, vel_ref_deg_s, stopping_angle_deg: vel_ref_deg_s === 0 ? 0 : stopping_angle_deg },
+    );
+    const way = document.querySelector('.stopway')?.getAttribute('d');
+    if (to === null) return expect(way).toBeUndefined();
+    // An arc is drawn from the lower angle to the higher one.
+    expect(ends(way!)[0]).toBeCloseTo(Math.max(30, to), 0);
+    const [x, y] = way!.match(/-?\d+\.\d\d/g)!.map(Number) as [number, number];
+    expect((Math.atan2(x, -y) * 180) / Math.PI).toBeCloseTo(Math.min(30, to), 0);
+  });
+
+  test('the centre of gravity hangs down where the axis rests by itself, and turns with it', () => {
+    const heavy = (pos_act_deg: number): string | null | undefined => {
+      show(Dial, {}, { ...AXIS, pos_act_deg, eccentric_angle_deg: 40 });
+      return document.querySelector('.heavy')?.getAttribute('transform');
+    };
+    expect([heavy(40), heavy(50)]).toEqual(['rotate(180)', 'rotate(190)']);
+  });
+
+  test('a target is shown of a move, and of nothing else', () => {
+    show(Dial, {}, { ...AXIS, axis_state: 'discrete_motion', target_deg: -60 });
+    expect(document.querySelector('.target')?.getAttribute('transform')).toBe('rotate(-60)');
+    show(Dial, {}, { ...AXIS, axis_state: 'stopping', target_deg: -60 });
+    expect(document.querySelector('.target')).toBeNull();
+  });
+
+  test('a bar has its side, its end at the limit, and warns beyond its mark on both sides', () => {
+    const bar = (value: number): (string | boolean | null)[] => {
+      show(Bar, { label: 'l', value, limit: 50, warn: 20, text: 't' }, {});
+      const fill = document.querySelector('.fill')!;
+      return [fill.getAttribute('x'), fill.getAttribute('width'), document.querySelector('.bad') !== null];
+    };
+    expect(bar(10)).toEqual(['0', '20', false]);
+    expect(bar(-25)).toEqual(['-50', '50', true]);
+    expect(bar(500)).toEqual(['0', '100', true]);
+  });
+});
+
+describe('a key on the screen', () => {
+  test('is held by the main button, Enter and space alone, and let go by each end of it', () => {
+    const [press, release] = [
+      vi.spyOn(hold, 'press').mockReturnValue(),
+      vi.spyOn(hold, 'release').mockReturnValue(),
+    ];
+    show(HoldKey, { direction: 'reverse' as const, why: '' as const, told: 'x' }, {});
+    const button = document.querySelector('button')!;
+    button.dispatchEvent(new PointerEvent('pointerdown', { button: 2, bubbles: true }));
+    button.dispatchEvent(new KeyboardEvent('keydown', { key: 'a', bubbles: true }));
+    button.dispatchEvent(new KeyboardEvent('keydown', { key: ' ', repeat: true, bubbles: true }));
+    expect(press).not.toHaveBeenCalled();
+    button.dispatchEvent(new KeyboardEvent('keydown', { key: ' ', bubbles: true }));
+    button.dispatchEvent(new PointerEvent('pointerdown', { button: 0, bubbles: true }));
+    expect(press.mock.calls).toEqual([['reverse'], ['reverse']]);
+    button.dispatchEvent(new FocusEvent('blur'));
+    expect(release).not.toHaveBeenCalled(); // of a key that is not held
+    hold.direction = 'reverse';
+    flushSync();
+    // The window hears of a pointer too: each end lets go at least once.
+    for (const end of [
+      new FocusEvent('blur'),
+      new PointerEvent('lostpointercapture', { bubbles: true }),
+      new PointerEvent('pointerup', { bubbles: true }),
+      new PointerEvent('pointercancel', { bubbles: true }),
+      new KeyboardEvent('keyup', { key: 'Enter', bubbles: true }),
+    ]) {
+      release.mockClear();
+      button.dispatchEvent(end);
+      expect(release).toHaveBeenCalledWith('released');
+    }
+    hold.direction = null;
+  });
+});
+
+test('a brake test is offered with power off, and its result keeps the sign of both directions', () => {
+  const ready: Partial<Tags> = {
+    authority_client: 'c1', brake_test_available: true, power_phase: 'off', journal_state: 'ok',
+    brake_test_phase: 'idle', brake_test_result: 'failed', brake_test_plus_nm: 90, brake_test_minus_nm: -88,
+    brake_test_text: 'slipped', brake_test_overdue: true, brake_test_cycles_left: 0,
+  }; // prettier-ignore
+  const armed = (more: Partial<Tags>): boolean | undefined => {
+    show(BrakeTest, {}, { ...ready, ...more });
+    return document.querySelector('button')?.disabled;
+  };
+  expect(armed({})).toBe(false);
+  expect(document.querySelector('.result')?.textContent).toMatch(/failed/i);
+  expect(document.body.textContent).toContain('+90 | −88 N m');
+  expect(document.body.textContent).toContain('slipped');
+  for (const more of [
+    { power_phase: 'on' },
+    { brake_test_available: false },
+    { brake_test_phase: 'plus_held' },
+    { journal_state: 'failed' },
+  ])
+    expect(armed(more as Partial<Tags>)).toBe(true);
+});
+
+describe('a message', () => {
+  const refused = { code: 'CTL-09', values: { measured: 200, limit: 180, position: -0.5, left: 90 } };
+
+  test('of the page is in the words of the service, numbers with sign and decimals', () => {
+    expect(made(refused)).toContain('200.00');
+    expect(made(refused)).toContain('+180.00');
+    expect(made(refused)).toContain('-0.50');
+  });
+
+  test('is Chinese where the page is, and English where one part of it is not known', () => {
+    expect(said([refused], 'english')).toBe('english');
+    prefs.language = 'zh';
+    expect(said([refused], 'english')).toMatch(/^目标 200\.00° .*\+180\.00°/);
+    expect(said([refused, { words: 'NO_SUCH_WORD', values: {} }], 'english')).toBe('english');
+    expect(said([], 'english')).toBe('english');
+    expect(said(null, undefined)).toBe('');
+  });
+});
