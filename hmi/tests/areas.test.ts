@@ -2,10 +2,12 @@
 import { flushSync, mount, unmount, type Component } from 'svelte';
 import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 import Alarms from '../src/areas/Alarms.svelte';
+import Diagnosis from '../src/areas/Diagnosis.svelte';
+import Display from '../src/areas/Display.svelte';
 import { hold } from '../src/lib/hold.svelte';
 import { link } from '../src/lib/link.svelte';
 import { made, said } from '../src/lib/messages';
-import { prefs } from '../src/lib/prefs.svelte';
+import { prefs, t } from '../src/lib/prefs.svelte';
 import { sight } from '../src/lib/sight.svelte';
 import Bar from '../src/parts/Bar.svelte';
 import BrakeTest from '../src/parts/BrakeTest.svelte';
@@ -126,6 +128,23 @@ describe('alarms', () => {
     const [arm, go] = document.querySelectorAll('button');
     expect([arm?.disabled, go?.disabled]).toEqual([false, true]);
   });
+});
+
+test('what is not known yet is neither at rest, nor free to be switched on, nor on the disk', () => {
+  const text = (part: Component, tags: Partial<Tags>): string => show(part, {}, tags).textContent ?? '';
+  expect(text(Display, { at_rest: true })).toContain('at rest');
+  expect(text(Display, {})).not.toContain('at rest');
+  expect(text(Display, { at_rest: false, time_left_s: 2.5 })).not.toContain('at rest');
+  expect(text(Diagnosis, { blocked_by: '' })).toContain('Power can be switched on.');
+  expect(text(Diagnosis, { blocked_by: 'CTL-03', blocked_by_messages: [] })).toContain('CTL-03');
+  expect(text(Diagnosis, {})).not.toContain('Power can be switched on.');
+  const open = (tags: Partial<Tags>): string | null | undefined => {
+    show(Diagnosis, {}, tags);
+    const title = [...document.querySelectorAll('dt')].find((each) => each.textContent === t('journal_open'));
+    return title?.nextElementSibling?.textContent;
+  };
+  expect(open({ journal_sequence: 12, journal_committed: 9 })).toBe('3');
+  expect(open({ journal_sequence: 12 })).toBe('–');
 });
 
 describe('drawings', () => {
