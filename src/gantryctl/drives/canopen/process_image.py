@@ -127,7 +127,6 @@ class ProcessImage:
         mapped = mapping.signals
         self.torque_offset = m.TORQUE_OFFSET in mapped
         self.torque_known = m.TORQUE in mapped
-        self.has_inputs = m.INPUTS in mapped
         self._has_velocity = m.VELOCITY in mapped
         self._raw: dict[Signal, int] = {}
         self.counts = 0

@@ -69,10 +69,24 @@ def test_a_copy_of_the_process_begins_without_what_was_sent_before() -> None:
 
 def test_a_link_is_closed_once() -> None:
     told: list[str] = []
-    link = BusLink(Scripted(), when_closed=lambda: told.append("closed"))
+    bus = Scripted()
+    bus.shutdown = lambda: told.append("bus")  # type: ignore[method-assign]
+    link = BusLink(bus, when_closed=lambda: told.append("closed"))
     link.close()
     link.close()
-    assert told == ["closed"]
+    assert told == ["bus", "closed"]
+
+
+def test_a_copy_of_the_process_writes_into_no_file_of_the_original() -> None:
+    logged: list[int] = []
+    bus = Scripted(message(0x182))
+    link = BusLink(bus, log=lambda time_s, can_id, data, sent: logged.append(can_id))
+    link.send(0x202, b"")
+    link.log_nothing()
+    link.send(0x302, b"")
+    assert link.receive(0.0) == Frame(0x182, b"")
+    assert logged == [0x202]
+    link.close()
 
 
 # --- nodes ------------------------------------------------------------------------------------------------------------

@@ -194,6 +194,33 @@ def test_frames_that_a_filter_keeps_away_are_those_of_others(
     assert BusLink(Scripted()).traffic == (0, 0)
 
 
+@pytest.mark.parametrize("counts_own", [True, False])
+@pytest.mark.parametrize("seen", [15, 20])
+def test_where_every_frame_was_seen_there_is_none_of_others(counts_own: bool, seen: int) -> None:
+    """15 frames are counted; those that come between the count and the reading are no fewer than none."""
+    frames = [] if counts_own else [message(0x182)] * seen
+    link = BusLink(Scripted(*frames), counters=Interface(counts_own=counts_own))  # type: ignore[arg-type]
+    for _ in range(seen):
+        link.send(0x202, b"") if counts_own else link.receive(0.0)
+    assert link.traffic.filtered == 0
+    link.close()
+
+
+@pytest.mark.parametrize(("advances", "waits_s"), [(True, [0.0, 0.0]), (False, [0.5])])
+def test_only_a_bus_outside_is_waited_for(advances: bool, waits_s: list[float]) -> None:
+    """A drive in this process has answered when its time has gone on."""
+    bus, waited_s = Scripted(), list[float | None]()
+
+    def recv(timeout: float | None = None) -> None:
+        waited_s.append(timeout)
+
+    bus.recv = recv  # type: ignore[method-assign, assignment]
+    link = BusLink(bus, advance=(lambda seconds: None) if advances else None)
+    assert link.receive(0.001 if advances else 0.5) is None
+    assert waited_s == pytest.approx(waits_s, abs=1e-3)
+    link.close()
+
+
 def statistics(folder: Path, frames: str, data_bytes: str, *, board: bool) -> Path:
     (folder / "can0" / "statistics").mkdir(parents=True)
     (folder / "can0" / "statistics" / "rx_packets").write_text(frames)
@@ -285,9 +312,9 @@ def test_each_part_of_an_identity_has_its_own_object() -> None:
 
 def test_an_emergency_message_is_kept_with_its_code_and_the_scan_in_which_it_came() -> None:
     node = remote_node(Wire())
-    # What comes while it is set up came before the first scan.
-    node.dispatch(Frame(0x082, bytes.fromhex("50 23 02 00 00 00 00 00")))
-    assert node.emergencies.messages.pop().scan == 0
+    # What comes while it is set up came before the first scan; some drives send three bytes.
+    node.dispatch(Frame(0x082, bytes.fromhex("50 23 04")))
+    assert node.emergencies.messages.pop() == (0, 0x2350, 4, b"")
     node.scan = 7
     node.dispatch(Frame(0x082, bytes.fromhex("10 23 02 01 02 03 04 05")))
     node.dispatch(Frame(0x083, bytes.fromhex("50 23 02 00 00 00 00 00")))  # of another node

@@ -264,9 +264,10 @@ def test_a_bus_that_is_down_is_told_before_the_first_command_too(commanded: bool
     assert flags == LinkFlag.BUS_DOWN
 
 
-def test_a_refused_question_is_no_wrong_mode() -> None:
+def test_a_refused_question_is_no_wrong_mode_and_no_speed() -> None:
     drive = Watched()
     drive.watch._mode(None)
+    drive.watch._target(None)
     assert not drive.watch.forbids
     drive.watch._mode(b"\x08")
     assert drive.watch.forbids

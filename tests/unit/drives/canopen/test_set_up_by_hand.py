@@ -248,6 +248,17 @@ def test_a_row_shows_its_value_as_a_manual_does(place: Place, shown: str) -> Non
     assert (row.want, row.have) == (shown, shown)
 
 
+def test_a_row_says_why_the_drive_did_not_take_its_value() -> None:
+    quick, shutdown = (p for p in wanted_of(settings(), None) if p.obj in (0x605A, 0x605B))
+    rows = (check.compare(quick, 6), check.compare(quick, 2), check.compare(shutdown, 0))
+    told = check.with_abort_codes(rows, {"605A:00": READ_ONLY})
+    assert told[0].line == (
+        "605A:00 Quick stop option code: want 2, have 6 · quick stop ramps down, closes the brake, then takes the "
+        "torque off · writing it: cannot be written (abort code 06010002)"
+    )
+    assert told[1:] == rows[1:]
+
+
 def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:
     """Name plate of the motor, limits of current, gear, feed, motor type, profile velocity, beside what is set."""
     plate = {
@@ -270,7 +281,9 @@ def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:
 def test_what_a_drive_takes_no_value_for_is_known() -> None:
     """Cannot be written, and out of range, is never; not now, in this state, is no property of the drive."""
     parameters = wanted_of(settings(), None)
-    sdo = Dictionary({(p.obj, p.sub): 0 for p in parameters if p.writable})
+    compared = {(p.obj, p.sub) for p in parameters if not p.writable}
+    assert compared == {(0x60A9, 0), (0x6502, 0), (0x608F, 1), (0x608F, 2), (0x6076, 0)}
+    sdo = Dictionary({(p.obj, p.sub): 0 for p in parameters})
     sdo.refused = {(0x605A, 0): READ_ONLY, (0x6085, 0): 0x0609_0031, (0x6007, 0): 0x0800_0022}
     del sdo.values[0x605D, 0]
     refused, codes = check.write_parameters(sdo, parameters)  # type: ignore[arg-type]

@@ -48,6 +48,24 @@ def test_an_enabled_drive_is_asked_for_its_mode_every_time() -> None:
         assert drive.asked.reads == [(obj, 0) for obj in objects]
 
 
+def test_an_answer_that_is_slow_is_waited_for_as_long_again() -> None:
+    """Asked in scans 1, 51 and 101: a question every scan would throw each answer away."""
+    drive, asked = Watched(), []
+    for _ in range(101):
+        drive.scan()
+        drive.watch.ask(True)
+        drive.asked.waiting = True
+        asked.append(len(drive.asked.reads))
+    assert asked == [1] * 50 + [2] * 50 + [3]
+
+
+@pytest.mark.parametrize("telegram", ["age", "inputs_age"])
+def test_either_telegram_that_is_missing_is_told(telegram: str) -> None:
+    drive = Watched()
+    setattr(drive.process, telegram, 1)
+    assert drive.scan() == LinkFlag.LATE
+
+
 @pytest.mark.parametrize(
     ("data", "flag"),
     [
@@ -93,6 +111,7 @@ def test_any_speed_that_waits_in_a_resting_drive_is_told(data: str) -> None:
 def test_a_complaint_without_a_fault_is_told_after_30_ms() -> None:
     drive = Watched()
     drive.scan()
+    assert drive.watch.complaint == 0
     drive.node.emergencies.take(bytes.fromhex("10 23 02"), 1)
     # The scan that has seen it, and eight more (30 ms are 7.5 scans of 4 ms).
     flags = [drive.scan() for _ in range(10)]
@@ -115,6 +134,7 @@ def test_a_drive_under_local_control_is_told_after_three_scans() -> None:
     assert {other.scan(status=0x1037) for _ in range(5)} == {LinkFlag.NONE}
     # Of one whose state is not known nothing is known, whatever is asked of it.
     assert {drive.scan(S.UNKNOWN, 0x1037) for _ in range(8)} == {LinkFlag.NONE}
+    assert [drive.scan(status=0x1037) for _ in range(4)] == [LinkFlag.NONE] * 3 + [LinkFlag.LOCAL_CONTROL]
 
 
 @pytest.mark.parametrize(
@@ -201,6 +221,15 @@ def test_frames_of_others_crowd_the_bus_with_a_fifth_of_its_bits(frames: int, cr
         drive.scan()
         seen.append(drive.process.crowded)
     assert seen == [False] * 5 + [crowded] * 5 + [False] * 2
+
+
+def test_frames_of_others_before_the_set_up_crowd_nothing() -> None:
+    drive = Watched()
+    drive.wire.traffic.filtered, drive.node.unknown = 1000, 1000
+    drive.watch = Supervision(drive.node, drive.process, drive.asked, settings())  # type: ignore[arg-type]
+    for _ in range(12):
+        drive.scan()
+        assert not drive.process.crowded
 
 
 def test_the_load_of_scans_that_were_missed_is_spread_over_them() -> None:

@@ -379,6 +379,15 @@ def test_a_frame_and_the_flag_of_the_connection(can_id: int, data: str, flags: L
     assert judged(Wire(), (can_id, data)) == flags
 
 
+def test_a_state_of_before_the_start_is_no_loss_until_it_is_told_again() -> None:
+    """A drive tells its state every 50 ms, and the last time may have been before its start."""
+    node = remote_node(Wire())
+    node.dispatch(Frame(0x702, b"\x7f"))
+    for age, flag in ((1, LinkFlag.NONE), (0, LinkFlag.NOT_OPERATIONAL)):
+        node.heartbeat_age = age
+        assert connection_flags(node, LinkFlag.NONE, commanded=True, timeout_scans=37) == flag
+
+
 def test_a_second_boot_up_counts_behind_a_heartbeat() -> None:
     node = remote_node(Wire())
     for data in ("05", "00", "7F", "00"):
