@@ -180,7 +180,7 @@ def _drive_on_bus_with_a_softer_ramp(patch: pytest.MonkeyPatch) -> None:
             id="load not caught",
             marks=pytest.mark.slow,
         ),
-        # A drive out of OPERATIONAL goes as far as its own ramp leads, which is that of the machine.
+        # A drive that is stopped on the bus goes as far as its own ramp leads, which is that of the machine.
         pytest.param(
             6091,
             "bus",

@@ -227,7 +227,7 @@ def test_the_way_of_a_rotor_that_its_gear_throws_back_ends_with_the_brake(
 @pytest.mark.parametrize(
     ("own_ramp", "way_deg", "passes"), [(False, 0.31, False), (True, 0.37, True), (True, 0.39, False)]
 )
-def test_a_drive_that_has_left_operational_goes_as_far_as_its_own_ramp(
+def test_a_drive_that_takes_no_command_goes_as_far_as_its_own_ramp(
     own_ramp: bool, way_deg: float, passes: bool
 ) -> None:
     """An azimuth drive from 0.8 deg/s: 0.30 deg by its brake, which nobody commands, 0.38 by its ramp."""

@@ -16,7 +16,6 @@ import numpy as np
 
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.injection import Injection
-from gantryctl.engineering.faults.kinds.kind import Place
 from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.machine import Machine
@@ -67,12 +66,12 @@ def reaction_of(machine: Machine, case: FaultCase, injections: Sequence[Injectio
     """Class of a case on this machine, injected so.
 
     A controller that is late by the deadline of its drive finds that it has stopped by itself: F2 at scans of 10 ms.
-    A drive that has left OPERATIONAL takes no command of torque off any more, and comes to rest on its own ramp, which
-    may be longer than the way of the brake (an azimuth drive, 0.342 of 0.308 deg: E18b, seed 6091 of other axes on the
-    bus). What is specified for the reference gantry has that ramp in.
+    A drive in the NMT state STOPPED takes no command of torque off any more, by PDO or SDO, and comes to rest on its
+    own ramp, which may be longer than the way of the brake (an azimuth drive, 0.342 of 0.308 deg: E18b, seed 6091 of
+    other axes on the bus). What is specified for the reference gantry has that ramp in.
     """
     late_ms = max((1e3 * each.values["late_s"] for each in injections if each.kind == "stall"), default=0.0)
-    if leaves_operational(injections) and not is_reference_machine(machine):
+    if stops_its_telegrams(injections) and not is_reference_machine(machine):
         return ReactionClass.DRIVE_DEADLINE if case.reaction is ReactionClass.TORQUE_OFF else case.reaction
     passed = machine.on_bus and late_ms + machine.control.scan_period_ms >= machine.can.rpdo_deadline_ms
     return (
@@ -82,9 +81,13 @@ def reaction_of(machine: Machine, case: FaultCase, injections: Sequence[Injectio
     )
 
 
-def leaves_operational(injections: Sequence[Injection]) -> bool:
-    """The drive leaves the NMT state OPERATIONAL."""
-    return any(each.where is Place.FRAME and each.kind in ("nmt", "foreign_nmt") for each in injections)
+def stops_its_telegrams(injections: Sequence[Injection]) -> bool:
+    """The drive goes to the NMT state STOPPED; in PRE-OPERATIONAL it still takes its torque off by SDO."""
+    return any(
+        (each.kind == "nmt" and each.values["state"] == "STOPPED")
+        or (each.kind == "foreign_nmt" and each.values["command"] == "stop")
+        for each in injections
+    )
 
 
 def limit_deg(

@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.kinds.kind import Place
-from gantryctl.engineering.faults.limits import leaves_operational
+from gantryctl.engineering.faults.limits import stops_its_telegrams
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle
 from gantryctl.engineering.faults.oracle.known import Effect
 from gantryctl.engineering.faults.oracle.limits import BRAKE_BEGINS_S
@@ -74,7 +74,7 @@ def hides_state(each: Injection) -> bool:
 def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
     """Tell the oracle of this axis of an injection that acts from now on."""
     known, now = axis.known, axis.now()
-    known.own_ramp = known.own_ramp or leaves_operational((each,))
+    known.own_ramp = known.own_ramp or stops_its_telegrams((each,))
     watchdog_s = target.machine.can.watchdog_ms * 1e-3
     if each.kind == "slow":
         known.brake_late_s = each.values["late_s"]
