@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.image import DriveState
 from gantryctl.machine import config_hash, default_machine_path, load_machine
 from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState, Code
@@ -326,6 +327,20 @@ def test_a_drive_that_cannot_be_set_up_again_is_told_and_one_that_can_is_judged(
 
 
 # --- begin and end ------------------------------------------------------------------------------------------
+
+
+def test_the_end_of_a_run_takes_torque_off_and_closes_the_brake_of_an_axis_that_still_has_power() -> None:
+    """As after 20 s in which it did not come to rest, or after an alarm in which nothing else has acted."""
+    delivered()
+    with opened() as desk:
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("power", on=True) == ""
+        desk.scans(1500)
+        drive = desk.engine.drive
+        assert drive.read().brake_open
+        desk.controller._close(AlarmStop("the scan is late", Code.SYS_02))
+        left = drive.read()
+        assert (left.state, left.brake_open) == (DriveState.SWITCH_ON_DISABLED, False)
 
 
 def test_a_stop_goes_on_for_5_s_over_a_drive_that_is_silent_for_a_moment() -> None:
