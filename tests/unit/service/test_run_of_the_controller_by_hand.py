@@ -347,10 +347,11 @@ def test_a_stop_goes_on_for_5_s_over_a_drive_that_is_silent_for_a_moment() -> No
     with opened() as desk:
         desk.scans(3)
         engine, asked = desk.engine, []
-        silent = [3]
+        silent, scans = [3], [0]
 
         def run_for(time_s: float) -> None:
             asked.append(time_s)
+            engine.scan += scans[0]
             if len(asked) <= silent[0]:
                 raise DeviceError("silent")
 
@@ -364,6 +365,11 @@ def test_a_stop_goes_on_for_5_s_over_a_drive_that_is_silent_for_a_moment() -> No
         silent[0] = math.inf  # type: ignore[call-overload]
         desk.controller._stopped_by(told)
         assert len(asked) == 20
+        # Nor does one that answers when the time is over.
+        asked.clear()
+        silent[0], scans[0] = 1, 6000
+        desk.controller._stopped_by(told)
+        assert asked == [pytest.approx(5.0), 0.0]
 
 
 def test_a_run_ends_at_rest_with_power_off_or_after_20_s(monkeypatch: pytest.MonkeyPatch) -> None:
