@@ -247,7 +247,6 @@ class Controller:
             self.engine.close()
         finally:
             self.retainer.finish(failure)
-            self._recorder.stop()
             self._report_write_faults()
             self.operator.refusals.close()
             self.events.put("service", self._ended(failure is None))
