@@ -153,6 +153,16 @@ def test_a_drive_that_says_it_is_not_operational_but_answers_gets_its_heartbeat(
     bench.drive.close()
 
 
+def test_a_drive_whose_telegrams_are_lost_gets_its_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has said nothing of leaving OPERATIONAL: the program stops it on its ramp."""
+    bench = Bench().open().enable()
+    deaf(bench, monkeypatch)
+    sent = sent_from_now(bench, monkeypatch, HEARTBEAT)
+    bench.run(0.1)
+    assert sent
+    bench.link.close()
+
+
 def test_a_drive_whose_bit_12_means_nothing_is_not_told_to_ignore_its_command() -> None:
     bench = Bench().open().enable()
     bench.drive._enabling, bench.drive._followed = 10_000, True
