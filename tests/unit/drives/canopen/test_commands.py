@@ -195,7 +195,7 @@ def test_the_marker_of_a_run_is_the_one_that_the_drive_holds() -> None:
     assert read_restart_marker(bench.drive.node.sdo) == marker
     for index in (0x1402, 0x1403):
         bench.virtual.od.readers[index, 1] = lambda: 0x8000_0181  # whatever is written
-    # Markers are drawn: of some 500 one is what the drive says anyway.
+    # Markers are drawn: one of 639 is what the drive says anyway.
     assert bench.drive.leave_restart_marker() in (None, 0x181)
     bench.drive.close()
 
