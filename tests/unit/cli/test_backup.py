@@ -113,7 +113,9 @@ def test_a_backup_brings_everything_to_an_empty_computer_and_no_power_before_a_m
 
 @pytest.mark.usefixtures("in_service")
 def test_an_older_backup_takes_no_event_away_turns_no_machine_back_and_is_asked_for_its_angle() -> None:
-    done("backup", "create", "b.tar.gz")
+    done("backup", "create", "b.tar.gz", "--recordings")
+    recorded = next((directory() / "traces").glob("move-*"))
+    recorded.write_bytes(b"of another run")
     done("move", "-1", "--yes")
     done("encoder", "set-zero", "--angle", "-1", "--witness", "a new mark")
     journaled("three")
@@ -121,6 +123,7 @@ def test_an_older_backup_takes_no_event_away_turns_no_machine_back_and_is_asked_
     Users(state_root()).add("bert", Role.VIEWER, PASSWORD)
     answer = done("backup", "restore", "b.tar.gz", "--json").json
     assert plant_truth()[0] == before  # the machine stands where it stands
+    assert recorded.read_bytes() == b"of another run"
     assert texts()[:3] == ["one", "two", "three"]
     assert set(Users(state_root()).all()) == {"anna", "bert"}
     assert len(answer["kept"]) == 3

@@ -132,3 +132,32 @@ def test_a_number_is_known_or_unknown_and_not_both() -> None:
     assert Calibration.model_validate(told) == calibration
     with pytest.raises(ValueError, match="must have every number that"):
         Calibration.model_validate({**told, "unknown": {**told["unknown"], "swing_hz": Unknown.TOO_WIDE}})
+
+
+def with_numbers(**numbers: float | None) -> Calibration:
+    calibration = improved_machine().calibration
+    assert calibration is not None
+    return calibration.model_copy(update={"identified": calibration.identified.model_copy(update=numbers)})
+
+
+def test_what_is_no_number_of_its_own_is_taken_from_what_holds_it() -> None:
+    """Lost motion is twice the reversal of the map; of friction half is thought to lie behind the mesh."""
+    unknown = with_numbers(backlash_rad=None, friction_load_nm=None, friction_nm=5000.0)
+    assert unknown.backlash_held_rad == 2.0 * abs(unknown.maps.reversal_rad[0]) > 0.0
+    assert unknown.friction_behind_mesh_nm == 2500.0
+    assert with_numbers(friction_load_nm=None, friction_nm=-10.0).friction_behind_mesh_nm == 0.0
+    known = with_numbers(backlash_rad=1e-5, friction_load_nm=700.0, friction_nm=5000.0)
+    assert (known.backlash_held_rad, known.friction_behind_mesh_nm) == (1e-5, 700.0)
+
+
+def test_a_file_of_an_earlier_version_keeps_the_reasons_that_it_gives(tmp_path: Path) -> None:
+    """It knows nothing of backlash and of friction behind the mesh, and says itself why there is no swing."""
+    lines = [
+        line
+        for line in TEXT.splitlines()
+        if not line.startswith(("backlash_rad", "friction_load_nm", "swing_hz"))
+    ]
+    text = "\n".join(lines).replace("[unknown]", '[unknown]\nswing_hz = "no_windup"')
+    found = load_calibration(written(tmp_path, text))
+    assert found.unknown["swing_hz"] is Unknown.NO_WINDUP
+    assert found.unknown["backlash_rad"] is Unknown.OLDER

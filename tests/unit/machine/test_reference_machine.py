@@ -17,6 +17,7 @@ from gantryctl.machine import (
     field_specs,
     load_machine,
     parse_machine,
+    with_values,
 )
 from gantryctl.machine.derived import derived
 from gantryctl.machine.effective import to_toml
@@ -183,3 +184,11 @@ def test_torque_needed_stays_below_torque_available():
     assert FIGURES["torque_needed_quick_check"].value < FIGURES["torque_max"].value
     assert FIGURES["torque_reserve_quick"].value > 1.0
     assert FIGURES["brake_reserve"].value > 1.3
+
+
+def test_the_wrap_of_an_encoder_that_is_mounted_off_centre_is_nearer_on_its_side():
+    """1,000 of 4,096 turns of 360/1144 deg lie below 0 deg: 314.69 deg below and 974.27 deg above it."""
+    machine = with_values(default_machine(), {"plant.encoder.mounting_turns": 1000})
+    found = {each.name: each.value for each in derived(machine)}
+    assert found["wrap_margin_below"] == pytest.approx(314.685 - 180.0, abs=1e-3)
+    assert found["wrap_margin_above"] == pytest.approx(974.266 - 180.0, abs=1e-3)

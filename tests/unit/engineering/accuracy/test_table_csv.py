@@ -92,6 +92,7 @@ REFUSED = {
     "negative displacement": (f"{HEADER}\n90,cw,-5,0\n", ["column displacement_deg = '-5'", "no sign"]),
     "half a turn": (f"{HEADER}\n90,cw,180,0\n", ["column displacement_deg = '180'"]),
     "zero column": (f"{HEADER}\n90,ccw,0,0.001\n", ["'0.001'", "must be 0 at displacement 0"]),
+    "twice the same": (f"{HEADER}\n90,ccw,5,0.1\n90,ccw,5,0.1\n", ["line 3", "given before in line 2"]),
     "twice": (f"{HEADER}\n90,ccw,5,0\n90,ccw,5.0,1\n", ["line 3", "given before in line 2", "column run"]),
     "gap": (f"{HEADER}\n9,ccw,5,0\n9,ccw,10,0\n9,cw,5,0\n", ["base 9 deg, cw, run 1", "displacement_deg 10"]),
     "only zero": (f"{HEADER}\n90,ccw,0,0\n", ["nothing was measured"]),
