@@ -12,7 +12,6 @@ from gantryctl.program import AxisState
 
 pytestmark = pytest.mark.can
 
-SCANS_MS = (1.0, 4.0, 10.0)
 HALF_PER_MS = 4.5
 """Frames of 8 bytes, 111 bits each without stuff bits: half of 1 Mbit/s."""
 JUMP_DEG = 0.5
@@ -38,7 +37,7 @@ def ended(rig: BusRig) -> None:
     rig.engine.close()
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("scan_ms", [pytest.param(1.0, marks=pytest.mark.slow), 4.0, 10.0])
 def test_a_half_full_bus_is_no_alarm(scan_ms: float) -> None:
     rig = BusRig(bus_machine("drive", scan_ms)).power_up().cruise(6.0)
     rig.engine.run_until(half_full(rig), 1.0)
@@ -49,7 +48,12 @@ def test_a_half_full_bus_is_no_alarm(scan_ms: float) -> None:
 
 @pytest.mark.parametrize(
     ("scan_ms", "speed", "lag", "count"),
-    [(10.0, 6.0, 1, 30), (10.0, -6.0, 2, 30), (4.0, 6.0, 2, 30), (1.0, 3.0, 2, 30)],
+    [
+        (10.0, 6.0, 1, 30),
+        (10.0, -6.0, 2, 30),
+        (4.0, 6.0, 2, 30),
+        pytest.param(1.0, 3.0, 2, 30, marks=pytest.mark.slow),
+    ],
 )
 def test_telegrams_held_up_by_frames_of_others_are_no_jump_and_no_second_sender(
     scan_ms: float, speed: float, lag: int, count: int
@@ -66,7 +70,7 @@ def test_telegrams_held_up_by_frames_of_others_are_no_jump_and_no_second_sender(
     ended(rig)
 
 
-@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("scan_ms", [1.0, 4.0, 10.0])
 def test_a_jump_of_the_encoder_is_found_on_a_half_full_bus(scan_ms: float) -> None:
     """Even while telegrams are held up: the reading goes further than the axis can in all that time."""
     rig = BusRig(bus_machine("drive", scan_ms)).power_up().cruise(3.0)

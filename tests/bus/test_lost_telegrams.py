@@ -67,8 +67,14 @@ def test_a_stop_without_the_speed_telegram_is_judged_by_the_position() -> None:
 
 
 @pytest.mark.parametrize("scan_ms", [4.0, 10.0])
-@pytest.mark.parametrize("speed", [6.0, -1.0])
-@pytest.mark.parametrize("late_us", [1000, -1000])
+@pytest.mark.parametrize(
+    ("late_us", "speed"),
+    [
+        (1000, 6.0),
+        (-1000, -1.0),
+        *(pytest.param(*row, marks=pytest.mark.slow) for row in ((1000, -1.0), (-1000, 6.0))),
+    ],
+)
 def test_a_sample_a_millisecond_late_whose_speed_telegram_is_lost_stops_nothing(
     scan_ms: float, speed: float, late_us: int
 ) -> None:
