@@ -17,6 +17,7 @@ from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.program import axis_settings
+from support.examples import examples
 from unit.drives.canopen.canopen_bench import Bench
 
 pytestmark = pytest.mark.can
@@ -35,7 +36,7 @@ FASTER_DEG_S = 1.2
 FOREIGN_DEG_S = 3.0
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(80), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(FRAMES, min_size=1, max_size=8))
 def test_any_frame_from_the_bus_never_raises_and_never_moves_the_axis(
     scans: list[list[tuple[int, bytes]]],
@@ -117,7 +118,7 @@ class Powered:
 
 
 @pytest.mark.parametrize("both", [False, True], ids=["master hears", "drive hears too"])
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(12), deadline=None, suppress_health_check=list(HealthCheck))
 @given(scans=st.lists(FRAMES, min_size=1, max_size=8))
 def test_any_frame_at_standstill_with_power_on_moves_nothing(
     scans: list[list[tuple[int, bytes]]], both: bool
@@ -133,7 +134,7 @@ def test_any_frame_at_standstill_with_power_on_moves_nothing(
 
 
 @pytest.mark.parametrize("both", [False, True], ids=["master hears", "drive hears too"])
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(12), deadline=None, suppress_health_check=list(HealthCheck))
 @given(scans=st.lists(FRAMES, min_size=1, max_size=8))
 def test_any_frame_in_motion_makes_the_axis_go_on_or_stop(
     scans: list[list[tuple[int, bytes]]], both: bool

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from gantryctl.cli.main import cli as root
 from support.command_line import cli, done, plant_truth
+from support.examples import examples
 
 HERE = (
     "move", "jog", "stops", "speed-test", "accuracy", "status", "alarms", "explain", "reset", "encoder", "retain",
@@ -119,14 +120,14 @@ def judged(words: list[str]) -> int:
     return answer.code
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(command_lines())
 def test_any_value_for_any_option_and_argument(words: list[str]) -> None:
     judged(words)
     stands_within(187.0)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     st.lists(WORD | st.sampled_from(["config", "trace", "encoder", "show", "--json", "--help"]), max_size=3)
 )
@@ -147,7 +148,7 @@ def stands_within(before_deg: float) -> None:
     assert here["condition"] == "power off, brake closed"
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     start=st.floats(-186.99, 186.99),
     way=st.booleans(),
@@ -181,7 +182,7 @@ def test_any_move_from_anywhere(
     )  # the window, and gears settling after the reset
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     start=st.floats(-186.99, 186.99),
     key=st.sampled_from("+-"),
@@ -210,7 +211,7 @@ def test_any_jog_from_anywhere(start: float, key: str, seconds: str, speed: str 
     assert (moved > -0.02) if key == "+" else (moved < 0.02)  # gears settle by up to 0.01 deg
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(angle=mostly(st.floats(-187.0, 187.0).map(repr), NUMBER), witness=mostly(st.just("mark"), TEXT))
 def test_any_zero(angle: str, witness: str) -> None:
     done("sim", "reset")
@@ -227,7 +228,7 @@ def test_any_zero(angle: str, witness: str) -> None:
         assert answer.code == 2
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     st.binary(max_size=200)
     | st.text(st.sampled_from("base_deg,direction displacment rcw0123456789.-+\n"), max_size=200).map(
@@ -245,7 +246,7 @@ def test_any_table(content: bytes) -> None:
         assert answer.err == "" or answer.err.startswith("error: any.csv: ")
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     content=st.binary(max_size=200), name=st.sampled_from(["plant.json", "retain.a.json", "retain.b.json"])
 )

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from gantryctl.machine import default_machine_path, field_specs
 from gantryctl.machine.specs import table_models
 from support.command_line import Answer, cli
+from support.examples import examples
 
 RAW = tomllib.loads(default_machine_path().read_text(encoding="utf-8"))
 SPECS = field_specs()
@@ -100,7 +101,7 @@ ANYTHING = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(
     st.dictionaries(
         st.sampled_from([*SPECS, "axis", "plant.load", "nothing", "axis.nothing"]),
@@ -142,7 +143,7 @@ def within_bounds(draw: st.DrawFn) -> dict[str, Any]:
     return found
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(within_bounds())
 def test_a_machine_with_any_allowed_values_moves_within_limits_or_says_why_not(
     changes: dict[str, Any],
@@ -170,7 +171,7 @@ def test_a_machine_with_any_allowed_values_moves_within_limits_or_says_why_not(
         assert abs(summary["end_deg"] - 0.2) <= window + 0.001  # and the way that the brake lets it settle
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(within_bounds())
 def test_other_commands_on_any_allowed_machine(changes: dict[str, Any]) -> None:
     changes |= {"machine.name": "hust_gantry"}

@@ -21,6 +21,7 @@ from gantryctl.machine import (
 )
 from gantryctl.machine.effective import to_toml
 from gantryctl.machine.loading import check
+from support.examples import examples
 
 MACHINE = default_machine()
 VALUES = effective_values(MACHINE)
@@ -115,7 +116,7 @@ def test_a_thousand_valid_machines_are_accepted_and_come_back():
             assert config_hash(again) == config_hash(machine)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(
     st.dictionaries(st.sampled_from(FREE), st.floats(0.97, 1.03), max_size=6),
     st.text(st.characters(codec="utf-8"), max_size=100),
@@ -148,7 +149,7 @@ def test_random_bytes_are_refused(tmp_path_factory, content):
     assert accepted_or_refused(load_machine, path) is None
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.integers(0, len(RAW) - 1), st.integers(0, 8), st.binary(max_size=6))
 def test_a_damaged_file_is_accepted_or_refused(tmp_path_factory, start, length, piece):
     path = tmp_path_factory.getbasetemp() / "damaged.toml"
@@ -168,7 +169,7 @@ TOML_VALUES = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(st.sampled_from([*field_specs(), "axis", "plant", "plant.load", "drive.speed_loop"]), TOML_VALUES)
 def test_any_value_anywhere_is_accepted_within_bounds_or_refused(path, value):
     data = tomllib.loads(RAW.decode())

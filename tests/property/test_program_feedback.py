@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag
 from gantryctl.program import AxisState, PowerPhase
 from gantryctl.units import rad
+from support.examples import examples
 from unit.program.rig import RATIO, Rig
 from unit.program.rig import settings as axis_settings
 
@@ -68,7 +69,7 @@ def play(rig, script):
             assert rig.axis.state is AxisState.ERROR_STOP, "the cause is gone, the stop stays"
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(spells, st.sampled_from([0.0, 0.05, 0.15, 0.4, 0.8, 1.6]))
 def test_any_reading_in_any_phase(script, seconds):
     """From switching on to the middle of a move."""
@@ -80,7 +81,7 @@ def test_any_reading_in_any_phase(script, seconds):
     play(rig, script)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(spells, spells)
 def test_any_reading_through_a_reset(script, again):
     rig = Rig(config=axis_settings(period_s=0.004))
@@ -97,7 +98,7 @@ def test_any_reading_through_a_reset(script, again):
     play(rig, again)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(readings)
 def test_a_first_reading_of_any_kind(reading):
     rig = Rig(config=axis_settings(period_s=0.004))

@@ -12,6 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from gantryctl.image import DigitalInputs, DriveRequest, Mode
 from gantryctl.program import AxisState, PowerPhase
 from gantryctl.units import rad
+from support.examples import examples
 from unit.program.rig import RATIO, Rig, settings
 
 PERIOD_S = 0.004
@@ -223,4 +224,4 @@ class Operating(RuleBasedStateMachine):
 
 
 TestOperating = Operating.TestCase
-TestOperating.settings = hypothesis_settings(max_examples=60, stateful_step_count=40)
+TestOperating.settings = hypothesis_settings(max_examples=examples(60), stateful_step_count=40)
