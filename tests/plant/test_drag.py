@@ -9,6 +9,8 @@ from gantryctl.units import rad
 from plant.plant_rig import AT_EVERY_SCAN_MS, CHECK_NM, PlantRig, machine_at
 
 RATED_NM = 257.0
+DRAGS = ((0.25, True), (0.15, False), (0.4, True))
+"""Share of the brake's torque, and whether the axis stops."""
 
 
 def move(rig: PlantRig, to_deg: float, speed_deg_s: float = 6.0) -> None:
@@ -29,8 +31,16 @@ def learned(scan_ms: float, moment_nm: float = 16_000.0) -> PlantRig:
     return rig
 
 
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize(("drag_share", "stops"), [(0.15, False), (0.25, True), (0.4, True)])
+# 1.5 s of a processor each at 1 ms.
+@pytest.mark.parametrize(
+    ("scan_ms", "drag_share", "stops"),
+    [
+        *((10.0, *row) for row in DRAGS),
+        *((1.0, *row) for row in DRAGS[:1]),
+        *(pytest.param(1.0, *row, marks=pytest.mark.slow) for row in DRAGS[1:]),
+        *(pytest.param(4.0, *row, marks=pytest.mark.slow) for row in DRAGS),
+    ],
+)
 def test_a_brake_that_drags_is_told_and_stops_the_motion(scan_ms, drag_share, stops):
     """60 N m warn (23 % of rated), 100 and 160 N m stop on the ramp; the limits are 15 and 30 %."""
     rig = learned(scan_ms)
@@ -94,8 +104,11 @@ def test_what_was_learned_serves_the_next_run():
     assert rig.codes == ["BRK-02"]
 
 
-@AT_EVERY_SCAN_MS
-@pytest.mark.parametrize("speed", [6.0, 1.0])
+@pytest.mark.parametrize(
+    ("scan_ms", "speed"),
+    [(1.0, 6.0), (10.0, 6.0), (10.0, 1.0)]
+    + [pytest.param(*row, marks=pytest.mark.slow) for row in ((1.0, 1.0), (4.0, 6.0), (4.0, 1.0))],
+)
 def test_a_stop_by_the_brake_is_counted_with_its_energy(scan_ms, speed):
     rig = PlantRig(machine_at(scan_ms), 0.0)
     rig.axis.power.wear.restore(998)

@@ -18,10 +18,12 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from websockets.sync.client import ClientConnection, connect
 
 from gantryctl.gateway.access import COOKIE
 from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor import users
 from gantryctl.service.supervisor.users import Users
 
 PASSWORD = "correct horse battery"
@@ -39,10 +41,12 @@ SimDrive.__init__ = released
 
 
 def add_users(root: Path) -> None:
-    """One user for every role, named like it."""
-    users = Users(root)
-    for role in Role:
-        users.add(str(role), role, PASSWORD)
+    """One user for every role, named like it; what a password costs is tested elsewhere."""
+    made = Users(root)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(users, "_N", 2)
+        for role in Role:
+            made.add(str(role), role, PASSWORD)
 
 
 def on_own_disk(size_mb: int, place: Path) -> list[str]:

@@ -28,6 +28,9 @@ PAGES = {
 NOT_RUN = {
     "gantryctl accuracy run --ensemble": "`make demo` runs it; ten seconds and more",
     "gantryctl accuracy run --on-engine": "has tests of its own; 40 s",
+    "gantryctl accuracy run --out report": "the README runs it without pages, the tutorial with them",
+    "gantryctl accuracy run --config my.toml": "the tutorial runs it with a machine of its own",
+    "gantryctl stops --find-quick --config": "the README runs it without a file",
     "gantryctl accuracy run --procedure B --runs 5": "five runs; ISO 230-2 over five runs has tests of its own",
     "gantryctl accuracy measure": "needs an instrument, or a minute; has tests of its own",
     "gantryctl instrument": "needs an instrument; has tests of its own",

@@ -17,7 +17,8 @@ from gantryctl.engineering.faults.oracle.taps import Oracle
 from support.sound_machines import run_sequence
 
 pytestmark = pytest.mark.can
-FOUND: tuple[int, ...] = (300062, 400111, 400177, 400264)
+# Those that are slow take more than three seconds of a processor each.
+FOUND = [400111, 400264, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (300062, 400177))]
 """Seeds that once failed."""
 
 
@@ -30,9 +31,9 @@ def fresh_seed() -> int:
     return int.from_bytes(state.digest()[:4], "big")
 
 
-# Each combination of simulator and bus with 1, 4 and 10 ms, and two more; three of them in the fast set.
+# Each combination of simulator and bus with 1, 4 and 10 ms, and two more; one of them in the fast set.
 FRESH = [
-    pytest.param(fresh_seed() + k, marks=[pytest.mark.slow] if k % 3 else [], id=str(fresh_seed() + k))
+    pytest.param(fresh_seed() + k, marks=[pytest.mark.slow] if k else [], id=str(fresh_seed() + k))
     for k in range(8)
 ]
 

@@ -5,22 +5,17 @@ The drive is stepped: its time goes on by SYNC, so that what is judged does not 
 
 from __future__ import annotations
 
-import signal
 import subprocess
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import can
-import numpy as np
 import pytest
 
 from gantryctl.drives.canopen.bus.interface import InterfaceCounters
 from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, Frame, open_bus
 from gantryctl.trace.frames.files import read_frames
-from gantryctl.trace.reader import read_trace
-from support.controller_death import judge, kill_in_motion
 from vcan.rig import VcanBus, dumped, ended, netem
 
 pytestmark = pytest.mark.can
@@ -134,46 +129,3 @@ def test_a_move_arrives_and_its_log_is_what_candump_has_seen(bus: VcanBus, tmp_p
     ).stdout
     told = Counter(word for line in text.splitlines() for word in line.split() if word in ("Rx", "Tx"))
     assert told == {"Tx": sum(f.sent for f in ours), "Rx": sum(not f.sent for f in ours)}
-
-
-def test_a_second_ctrl_c_is_the_quick_stop_of_the_drive(bus: VcanBus, tmp_path: Path) -> None:
-    controller = bus.start("move", "-60", "--json", "--out", str(tmp_path))
-    bus.wait_for_speed(2.5, controller)
-    controller.send_signal(signal.SIGINT)
-    time.sleep(0.05)
-    controller.send_signal(signal.SIGINT)
-    code, out, err = ended(controller)
-    assert code == 4, err
-    assert out["alarms"][0].startswith("INT-06"), out["alarms"]
-    trace = read_trace(next(tmp_path.glob("*.parquet")))
-    vel, time_s = np.abs(np.degrees(trace["vel_act_rad_s"])), trace["time_s"]
-    # The last time that the axis has 80 % and 30 % of its highest speed: both on the ramp of object 6085.
-    levels = 0.8 * vel.max(), 0.3 * vel.max()
-    at_s = [time_s[np.flatnonzero(vel >= level)[-1]] for level in levels]
-    dec_deg_s2 = (levels[0] - levels[1]) / (at_s[1] - at_s[0])
-    # A scan of 10 ms on a ramp of 0.2 s.
-    assert dec_deg_s2 == pytest.approx(bus.machine.virtual_axis.quick_dec_deg_s2, rel=0.1)
-    assert bus.ask("status")["brake_open"] is False
-    bus.reset()
-
-
-def test_the_drive_stops_by_itself_when_the_controller_is_killed(bus: VcanBus, tmp_path: Path) -> None:
-    log = tmp_path / "killed.log"
-    controller = bus.start("move", "-60", "--json", "--no-trace", "--bus-log", str(log))
-    bus.wait_for_speed(3.0, controller)
-    judge(kill_in_motion(bus.clock_after(1), bus.machine, controller.pid))
-    controller.communicate()
-    # The log is there up to a second before the kill; its last line may be cut.
-    *whole, _ = log.read_text().splitlines()
-    assert sum(" 080#" in line for line in whole) > 50
-    refused = bus.start("move", "0", "--json")
-    _, err = refused.communicate(timeout=100.0)
-    # It moved while nobody looked: 3 to 4 deg, a third of which is within 0.05 deg of whole motor turns (0.3147 deg).
-    assert err.startswith(("error: ENC-10", "error: ENC-08")), err
-    assert refused.returncode == 2
-    bus.set_zero()
-    refused = bus.run("move", "0")
-    # The drive has stopped by its own watch, and nothing else in the memory of the controller tells of that.
-    assert refused.err.startswith("error: DRV-15"), refused.err
-    assert refused.code == 2
-    bus.reset()

@@ -214,8 +214,15 @@ def journal() -> None:
     made.close()
 
 
-LONG = ("compare", "compare --stale-days", "stops --find-quick", "tune")
-"""Five seconds of a processor each."""
+LONG = (
+    "accuracy measure",
+    "compare",
+    "compare --drift",
+    "compare --stale-days",
+    "stops --find-quick",
+    "tune",
+)
+"""Three to five seconds of a processor each."""
 
 
 def marks(command: str) -> list[pytest.MarkDecorator]:

@@ -28,8 +28,9 @@ PASSWORD = "correct horse battery"
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> Iterator[Any]:
+def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     memory = SharedMemory.create()
+    monkeypatch.setattr(users, "_N", 2)  # what a password costs is tested elsewhere
     Users(tmp_path).add("anna", Role.OPERATOR, PASSWORD)
     page = Page(Path(__file__).parent)  # any folder of files
     yield build_app(Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path), memory, page)

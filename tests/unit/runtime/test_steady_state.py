@@ -11,6 +11,7 @@ import pytest
 
 from gantryctl import AxisProgram, build_engine, default_machine
 from gantryctl.image import InputImage, OperatorCommand
+from gantryctl.machine import with_values
 from gantryctl.program import Axis, GantryProgram
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import rad
@@ -45,11 +46,12 @@ class Wasteful(GantryProgram):
 def cruising(program: type[AxisProgram]) -> Engine:
     """The reference gantry at 6 deg/s, all parts warm."""
     operator = FixedOperator()
-    engine = build_engine(default_machine(), program=program, operator=operator)
+    machine = with_values(default_machine(), {"virtual_axis.acc_deg_s2": 2.0})
+    engine = build_engine(machine, program=program, operator=operator)
     operator.command = OperatorCommand(power=True, speed_rad_s=rad(6.0), target_rad=rad(170.0))
     engine.run_for(2.0)
     operator.command = operator.command._replace(move=True)
-    engine.run_for(20.0)
+    engine.run_for(5.0)
     return engine
 
 

@@ -130,6 +130,7 @@ def test_the_encoder_on_the_ring_does_as_an_instrument_but_knows_nothing_of_its_
     assert 1e-7 < np.max(np.abs(difference)) < 3e-5
 
 
+@pytest.mark.slow
 def test_noise_of_the_tracker_hardly_matters(found: CalibrationFit) -> None:
     """4 urad of noise over 17 000 samples of 40 readings each and some 90 unknowns: far below 0.1 urad."""
     other = calibrate(SimulatedAxis(improved_machine(), seed=2)).maps.gear_rad

@@ -63,7 +63,11 @@ def good(found: dict[str, list[str]], least: int) -> None:
     assert not {name: faults for name, faults in found.items() if faults}
 
 
-@pytest.mark.parametrize("name", [*MACHINES, *DELIVERED])
+# The others have the same pictures of other sizes; a second of a processor each.
+@pytest.mark.parametrize(
+    "name",
+    [*MACHINES[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in (MACHINES[2], *DELIVERED))],
+)
 def test_speed_test(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     highest_r_min = machine.speed.setting_max_deg_s / DEG_S_PER_R_MIN
     with watched(monkeypatch) as found:
@@ -72,7 +76,9 @@ def test_speed_test(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 # The dish is stable down to a tenth of its gain: a crossing outside of the Nyquist diagram.
-@pytest.mark.parametrize("name", ["rotary_table", "configs/azimuth_dish"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("rotary_table", marks=pytest.mark.slow), "configs/azimuth_dish"]
+)
 def test_analysis(machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with watched(monkeypatch) as found:
         frequency_plots(study(machine, PlantKind.FULL), tmp_path)
