@@ -32,7 +32,8 @@ def said(*names: str) -> tuple[Any, ...]:
 
 
 INTERLOCKS = Alphabet((POWER_ON, POWER_OFF, MOVE, QUICK_STOP, RESET), (S.ESTOP,), (Once.LEAVES,))
-BRAKE = Alphabet((POWER_ON, POWER_OFF, RESET), (S.CONTACT_OPEN, S.CONTACT_CLOSED), (Once.SLIPS,))
+# A contact that says closed is in the slow tests: with it twice as many states.
+BRAKE = Alphabet((POWER_ON, POWER_OFF, RESET), (S.CONTACT_OPEN,), (Once.SLIPS,))
 # Its quick stop is in the interlocks; with that button three times as many states (the slow tests have it).
 FEEDBACK = Alphabet((POWER_ON, POWER_OFF, MOVE, RESET), (S.ENCODER_ALARM, S.COASTS))
 TEST = Alphabet((POWER_ON, POWER_OFF, STOP, RESET, BRAKE_TEST), (S.FAULT,))
