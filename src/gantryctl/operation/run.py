@@ -7,6 +7,7 @@ the brake closed, the torque taken off and the state kept.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any, Final, TypeVar
@@ -15,16 +16,16 @@ from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Direction, Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.beside import begin
-from gantryctl.operation.brake_policy import why_brake_failed
+from gantryctl.operation.brake_policy import BRAKE_WATCH_S, why_brake_failed
 from gantryctl.operation.bus_log import AlarmFrames
 from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.opening import close_axis, leave_bus, left_on_failure, open_axis
 from gantryctl.operation.proofs import why_in_fault
 from gantryctl.operation.run_memory import RunEnd, RunMemory
-from gantryctl.operation.sliced_scan import SlicedScan, state_words
+from gantryctl.operation.sliced_scan import SLICE_S, SlicedScan, state_words
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
-from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, Reaction
+from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, PowerPhase, Reaction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.axis.command_checks import (
     check_destination,
@@ -83,6 +84,7 @@ class AxisRun:
         controlled_as: Machine | None = None,
     ) -> None:
         self.machine, self._store = machine, store
+        self._paced = real_time or machine.paced_by_clock
         self._open = opened = open_axis(
             machine, store, program=program, commissioning=commissioning, controlled_as=controlled_as
         )
@@ -200,12 +202,39 @@ class AxisRun:
         return refused is not None and refused.code is Code.PWR_04
 
     def power_down(self) -> None:
-        """Come to rest, close the brake, take the torque off; nothing when that was done."""
+        """Come to rest, close the brake, take the torque off, see that the brake holds; nothing when that was done.
+
+        Raises:
+            AlarmStop: an alarm on the way, or a brake that does not hold; or a custom program keeps power on.
+        """
         if not self._powered and self.axis.is_off:
             return
+        self._go_down()
+        if self.axis.alarms.first_out is not None:
+            self._raise_alarm()
+        if not self.axis.is_off:
+            raise AlarmStop(
+                f"{Code.SYS_10} STOP · power-down did not end within {_POWER_S:g} s, "
+                f"the axis is {state_words(self.axis.state)} · "
+                "a custom program must switch power off when the operator does not want it any more",
+                Code.SYS_10,
+            )
+
+    def _go_down(self) -> None:
         self._powered = False
         self._scans.command(power=False, forward=False, reverse=False, move=False)
-        self._scans.until(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)
+        self._scans.until(lambda: self._is_down or self.axis.at_rest, REST_S, watch=False)
+        self._scans.until(lambda: self._is_down, _POWER_S, watch=False)
+        self._scans.until(lambda: self._load_is_held, BRAKE_WATCH_S, watch=False)
+
+    @property
+    def _is_down(self) -> bool:
+        return self._load_is_held or (self.axis.is_off and self.axis.virtual.at_rest)
+
+    @property
+    def _load_is_held(self) -> bool:
+        """By torque alone: the brake is not trusted, and the power sequence ends here."""
+        return self.axis.power.phase is PowerPhase.TORQUE_HOLD
 
     def move(
         self,
@@ -404,7 +433,7 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text, blocking.code)
             return
-        self._scans.until(lambda: self.axis.is_off, REST_S, watch=False)
+        self._scans.until(lambda: self.axis.is_off or self._load_is_held, REST_S, watch=False)
         raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -451,8 +480,25 @@ class AxisRun:
 
     # --- the end of the run --------------------------------------------------------------------------------------
 
+    def _hold_load(self) -> None:
+        """Go on while torque alone holds the load; in virtual time nobody can wait, and the load is a simulated one."""
+        first = self.axis.alarms.first_out
+        if first is None or not (self._paced and self._load_is_held):
+            return
+        # At once, whoever has made this run: what is raised or printed at its end comes too late.
+        sys.stderr.write(
+            f"\n{first.text}\nTorque holds the load while this command runs. It goes on until it is asked twice to "
+            "stop, as by Ctrl-C; then the load is let go.\n"
+        )
+        sys.stderr.flush()
+        self.stop = Stop.NO
+        while self._load_is_held and self.stop is not Stop.QUICK:
+            self.engine.run_for(SLICE_S)
+
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
         """Power down if that was not done, finish the recording, keep the state.
+
+        Where torque alone holds the load, the run goes on until somebody asks twice to stop: with it the torque ends.
 
         Args:
             result: how it ended, for `status`.
@@ -466,7 +512,11 @@ class AxisRun:
             if self.engine.failure is not None:
                 self.engine.run_for(_POWER_S)
             elif not self.axis.is_off:
-                self.power_down()
+                self._go_down()
+            self._hold_load()
+            first = self.axis.alarms.first_out
+            if alarm is None and first is not None:  # one that came on the way down, or with a refusal
+                alarm = AlarmStop(first.text, first.code)
         finally:
             self._scans.end()
             self._timed.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -16,7 +16,7 @@ from gantryctl.machine import default_machine, with_values
 from gantryctl.operation import run as run_module
 from gantryctl.operation.client import Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
-from gantryctl.program import Code, GantryProgram
+from gantryctl.program import Code, GantryProgram, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
@@ -107,19 +107,14 @@ def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: 
 
 
 @pytest.mark.parametrize("at_rest", [False, True])
-def test_a_power_down_waits_until_nothing_moves_any_more(at_rest: bool) -> None:
+def test_an_axis_without_torque_is_not_down_while_anything_moves(at_rest: bool) -> None:
     """Torque may be off while the set-point is still on its ramp: the next run would begin with it."""
-    asked: list[tuple[bool, float]] = []
-    run: Any = SimpleNamespace(
-        _powered=True,
-        axis=SimpleNamespace(is_off=True, virtual=SimpleNamespace(at_rest=at_rest)),
-        _scans=SimpleNamespace(
-            command=lambda **_: None, until=lambda done, seconds, *, watch: asked.append((done(), seconds))
-        ),
+    axis = SimpleNamespace(
+        is_off=True, virtual=SimpleNamespace(at_rest=at_rest), power=SimpleNamespace(phase=PowerPhase.OFF)
     )
-    AxisRun.power_down(run)
-    # A net below a stop that never ends.
-    assert asked == [(at_rest, 120.0)]
+    run = AxisRun.__new__(AxisRun)
+    run.axis = cast("Any", axis)
+    assert run._is_down is at_rest
 
 
 def test_a_move_that_was_stopped_is_not_done() -> None:

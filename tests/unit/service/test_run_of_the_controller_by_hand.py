@@ -13,7 +13,8 @@ import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError
 from gantryctl.image import DriveState
-from gantryctl.machine import config_hash, default_machine_path, load_machine
+from gantryctl.machine import config_hash, default_machine_path, load_machine, with_values
+from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState, Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
@@ -522,3 +523,42 @@ def test_a_run_tells_its_start_and_its_end_and_what_its_recordings_hold(
         tags = json.loads(desk.memory.slow.read() or b"{}")
         assert tags["real_time"] is True
         assert tags["version"] == metadata["version"] != ""
+
+
+def test_a_shutdown_sees_that_the_brake_holds() -> None:
+    """A load that hangs to one side, and a brake that bears 8 of its 43 N m: told behind the power-down, and kept."""
+    hanging = with_values(
+        MACHINE, {"plant.load.eccentricity_m": 0.0254, "plant.load.eccentric_angle_deg": 90.0}
+    )
+    publisher: Any = SimpleNamespace(scan=lambda: None)
+    with opened(hanging) as desk:
+        desk.controller._write_start()
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("power", on=True) == ""
+        desk.scans(4000)
+        assert desk.axis.state is AxisState.STANDSTILL
+        desk.engine.drive.change_plant("brake_torque_nm", 8.0)
+        desk.controller.end()
+        ended = desk.engine.run_until(lambda _: desk.controller._after_scan(publisher), 3.0)
+        assert (ended, desk.axis.alarms.first_out.code) == (False, Code.BRK_03)
+        assert desk.axis.power.phase is PowerPhase.TORQUE_HOLD
+        desk.controller._close(None)
+    assert machine_status(hanging).error_stop == "BRK-03"
+
+
+def test_a_shutdown_with_a_sound_brake_ends_a_second_behind_the_power_down() -> None:
+    publisher: Any = SimpleNamespace(scan=lambda: None)
+    with opened() as desk:
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("power", on=True) == ""
+        desk.scans(4000)
+        desk.controller.end()
+        off_s: list[float] = []
+
+        def after(_: object) -> bool:
+            if desk.axis.is_off:
+                off_s.append(desk.engine.time_s)
+            return desk.controller._after_scan(publisher)
+
+        assert desk.engine.run_until(after, 3.0)
+        assert desk.engine.time_s - off_s[0] == pytest.approx(1.0, abs=0.0021)

@@ -271,7 +271,7 @@ def _run(
 def guarded(
     axis: AxisClient, action: Callable[[AxisClient], Report]
 ) -> tuple[Report | None, GantryctlError | None]:
-    """Run an action under stop signals; whatever happens, the axis is left without torque and its state kept."""
+    """Run an action under stop signals; whatever happens, the axis is closed and its state kept."""
     from gantryctl.errors import AlarmStop, CommandRefused
     from gantryctl.operation.client import Stop
 
@@ -284,7 +284,8 @@ def guarded(
     def stop() -> None:
         axis.stop = Stop.RAMP if axis.stop is Stop.NO else Stop.QUICK
 
-    # The axis is never left with torque: refused, alarm, Ctrl-C or a bug, `close` runs.
+    # The axis is never left with torque: refused, alarm, Ctrl-C or a bug, `close` runs. Where torque alone holds the
+    # load, it lasts until somebody has asked twice for the end.
     with stop_signals(stop):
         try:
             report = action(axis)

@@ -37,6 +37,8 @@ Tags = dict[str, Any]
 _OTHER_S: Final = 120.0
 # A reply comes by the scan, the tags with the next status frame (50 ms) and those on change after it: shown in 0.5 s.
 SHOWN_FRAMES: Final = math.ceil(0.5 / FRAME_S)
+# Where the power sequence goes no further: without torque, or with torque alone to hold the load.
+_ENDED: Final = ("off", "torque_hold")
 
 
 def directory_of(machine: Machine) -> Path:
@@ -171,7 +173,7 @@ class ServiceAxis:
             self._wait(
                 lambda tags: (
                     tags["journal_sequence"] >= begun
-                    and (tags["power_phase"] == "off" or (on and bool(tags["power"])))
+                    and (tags["power_phase"] in _ENDED or (on and bool(tags["power"])))
                 )
             )
             self._raise_alarm()
@@ -191,15 +193,20 @@ class ServiceAxis:
             return
         self._link.ask("power", on=True)
         self._powered = True
-        self._wait(lambda tags: bool(tags["power"]) or tags["power_phase"] == "off")
+        self._wait(lambda tags: bool(tags["power"]) or tags["power_phase"] in _ENDED)
         self._raise_alarm()
 
     def power_down(self) -> None:
-        """Power off if it was switched on here."""
+        """Power off if it was switched on here.
+
+        Raises:
+            AlarmStop: an alarm on the way, as of a brake that does not hold.
+        """
         if self._powered:
             self._link.ask("power", on=False)
-            self._wait(lambda tags: tags["power_phase"] == "off")
+            self._wait(lambda tags: tags["power_phase"] in _ENDED)
             self._powered = False
+            self._raise_alarm()
 
     def move(
         self,

@@ -22,6 +22,7 @@ from typing import Final
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
+from gantryctl.operation.brake_policy import BRAKE_WATCH_S
 from gantryctl.operation.bus_log import AlarmFrames, freeze
 from gantryctl.operation.opening import left_on_failure, open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
@@ -115,6 +116,7 @@ class Controller:
             self._powered = False
             self._resets = self._lost_rows = 0
             self._end_s = math.inf
+            self._off_s = -math.inf
 
     # --- the run ----------------------------------------------------------------------------------
 
@@ -177,7 +179,8 @@ class Controller:
         now_s = time.monotonic()
         self._end_s = min(self._end_s, now_s + END_S)
         resting = self.axis.is_off and self.axis.at_rest
-        return resting or now_s > self._end_s
+        watched = self.engine.time_s - self._off_s >= BRAKE_WATCH_S
+        return (resting and watched) or now_s > self._end_s
 
     def _watch(self) -> None:
         """Follow resets, brake tests, power and motions: counters, recording, state on the disk."""
@@ -229,6 +232,7 @@ class Controller:
             self._record_on()
             self.brake.judge(self.retainer.retained, self.retainer.power_ups)
             return
+        self._off_s = self.engine.time_s
         self._recorder.stop()
         lost, self._lost_rows = self._recorder.lost - self._lost_rows, self._recorder.lost
         if lost:

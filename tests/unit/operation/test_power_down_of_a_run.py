@@ -1,0 +1,167 @@
+"""How a run takes the torque off: a brake that lets the load go is seen before the run has ended, on the true load."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gantryctl.drives.simulated import SimDrive
+from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.machine import default_machine, with_values
+from gantryctl.operation.client import Snapshot, Stop
+from gantryctl.operation.run import AxisRun
+from gantryctl.operation.state import machine_status
+from gantryctl.operation.store import StateStore
+from gantryctl.program import Axis, AxisProgram, PowerPhase
+from gantryctl.program.blocks import Power
+from gantryctl.units import deg
+
+# The load hangs to one side at the angle of the start: 49.8 kN m, 31 kN m beyond its friction.
+HANGING = with_values(
+    default_machine(),
+    {
+        "plant.load.eccentricity_m": 0.0254,
+        "plant.load.eccentric_angle_deg": 90.0,
+        "control.scan_period_ms": 4.0,
+    },
+)
+SLIP_DEG = 0.05
+"""0.02 deg until it is told, and what the load goes on until torque has it: 31 kN m on 2.18e6 kg m2 in 0.2 s."""
+
+
+def load_deg(run: AxisRun) -> float:
+    assert isinstance(run.drive, SimDrive)
+    return deg(run.drive.truth()[0])
+
+
+def weaken(run: AxisRun) -> None:
+    """From now on the brake holds 8 N m of the 43 N m that the load asks for."""
+    assert isinstance(run.drive, SimDrive)
+    run.drive.change_plant("brake_torque_nm", 8.0)
+
+
+def powered(store: StateStore | None = None) -> tuple[AxisRun, float]:
+    run = AxisRun(HANGING, store)
+    run.power_up()
+    weaken(run)
+    return run, load_deg(run)
+
+
+def test_a_brake_that_does_not_hold_is_told_before_the_run_has_ended() -> None:
+    with StateStore(HANGING) as store:
+        run, stood_deg = powered(store)
+        with pytest.raises(AlarmStop, match="BRK-03 STOP") as stopped:
+            run.power_down()
+        assert run.axis.power.phase is PowerPhase.TORQUE_HOLD
+        assert abs(load_deg(run) - stood_deg) < SLIP_DEG
+        run.close("stopped", stopped.value)
+    assert machine_status(HANGING).error_stop == "BRK-03"
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.6])
+def test_a_brake_that_lets_go_behind_the_power_down_is_told_too(after_s: float) -> None:
+    off_s: list[float] = []
+
+    def look(snapshot: Snapshot) -> None:
+        if run.axis.power.phase is PowerPhase.OFF and run.engine.scan > 1000:
+            off_s.append(snapshot.time_s)
+            if snapshot.time_s - off_s[0] >= after_s - 1e-6:
+                weaken(run)
+
+    run = AxisRun(HANGING, observer=look)
+    run.power_up()
+    run.follow(4.0)
+    with pytest.raises(AlarmStop, match=r"BRK-0[34] STOP"):
+        run.power_down()
+    assert run.axis.power.phase is PowerPhase.TORQUE_HOLD
+    run.close("stopped")
+
+
+def test_a_brake_that_fails_as_a_run_closes_locks_the_machine_too() -> None:
+    """Closed without a power-down, as behind a refusal in the middle of a run."""
+    with StateStore(HANGING) as store:
+        run, _ = powered(store)
+        with pytest.raises(CommandRefused):
+            run.move(200.0)
+        run.close("refused")
+    assert machine_status(HANGING).error_stop == "BRK-03"
+
+
+def test_a_sound_brake_is_watched_for_a_second_and_nothing_is_told() -> None:
+    run = AxisRun(HANGING)
+    run.power_up()
+    begun_s, stood_deg = run.engine.time_s, load_deg(run)
+    run.power_down()
+    assert run.axis.is_off
+    assert run.engine.time_s - begun_s >= 1.0
+    assert abs(load_deg(run) - stood_deg) < SLIP_DEG
+    assert not run.axis.alarms.history
+    run.close("done")
+
+
+def asked_after(run: AxisRun, times: int, looked: Callable[[], Any]) -> None:
+    """After each tenth of a second that the run goes on somebody asks once more to stop."""
+    go_on, left = run.engine.run_for, [Stop.NO, Stop.NO, Stop.RAMP, Stop.RAMP, Stop.QUICK][:times]
+
+    def run_for(seconds: float) -> None:
+        go_on(seconds)
+        looked()
+        run.stop = left.pop(0)
+
+    run.engine.run_for = run_for  # type: ignore[method-assign]
+
+
+def test_a_load_that_torque_alone_holds_in_real_time_is_held_until_somebody_asks_twice(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run, stood_deg = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+    # A clock that waits would take as long as the person; its scans are the same.
+    run._paced = True
+    seen: list[float] = []
+    asked_after(run, 5, lambda: seen.append(load_deg(run)))
+    assert capsys.readouterr().err == ""
+    run.close("stopped")
+    assert len(seen) == 5, "asked once it holds on"
+    assert max(abs(angle_deg - stood_deg) for angle_deg in seen) < SLIP_DEG
+    told = capsys.readouterr().err
+    assert "BRK-03 STOP" in told
+    assert "asked twice to stop, as by Ctrl-C; then the load is let go." in told
+
+
+def test_a_drive_that_trips_holds_nothing_and_the_run_ends() -> None:
+    run, _ = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+    run._paced = True
+    begun_s = run.engine.time_s
+    asked_after(run, 5, lambda: run.drive.trip(0x7300))
+    run.close("stopped")
+    assert run.engine.time_s - begun_s == pytest.approx(0.2, abs=0.11)
+
+
+class KeepsPower(AxisProgram):
+    """It switches power on as it is asked to, and never off."""
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.power, self.on = Power(axis), False
+
+    def logic(self, image: Any) -> None:
+        self.on = self.on or image.operator.power
+        self.power(enable=self.on)
+
+
+def test_a_program_that_keeps_power_on_is_told_so_ten_seconds_later() -> None:
+    run = AxisRun(with_values(default_machine(), {"drive.kind": "ideal"}), program=KeepsPower)
+    run.power_up()
+    begun_s = run.engine.time_s
+    with pytest.raises(
+        AlarmStop, match="SYS-10 STOP · power-down did not end within 10 s, the axis is standstill"
+    ):
+        run.power_down()
+    assert run.engine.time_s - begun_s == pytest.approx(11.0, abs=0.2)
+    run.close("failed")
