@@ -214,3 +214,29 @@ def test_an_axis_that_has_moved_while_a_person_was_asked_is_asked_for_again(move
     move_command._check_unmoved(MACHINE, 10.0, 10.0 + 0.4 * moved_deg)
     with pytest.raises(CommandRefused, match="look, then ask again"):
         move_command._check_unmoved(MACHINE, 10.0, 10.0 + moved_deg)
+
+
+NOT_HELD = [{"first_out": True, "severity": "STOP", "code": "BRK-03", "text": "BRK-03 STOP"}]
+
+
+@pytest.mark.parametrize("way", ["up", "down", "switched off"])
+def test_a_load_that_torque_alone_holds_ends_the_waiting_for_power(
+    monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    """The power sequence goes no further; of a service nothing else has to wait, which goes on holding it."""
+    link = Link(power=way != "up", power_phase="off" if way == "up" else "on")
+    axis = axis_of(link, monkeypatch)
+    axis.take()
+    link.looks = [{}, {"power": False, "power_phase": "torque_hold", "alarms": NOT_HELD}]
+    looked = 0
+
+    def endless() -> None:
+        nonlocal looked
+        looked += 1
+        assert looked < 100, "it waits for what does not come"
+
+    link.when_looked = endless
+    axis._powered = way == "down"
+    ask = {"up": axis.power_up, "down": axis.power_down, "switched off": lambda: axis.switch(on=False)}[way]
+    with pytest.raises(AlarmStop, match="BRK-03"):
+        ask()
