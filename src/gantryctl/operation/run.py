@@ -223,15 +223,13 @@ class AxisRun:
     def _go_down(self) -> None:
         self._powered = False
         self._scans.command(power=False, forward=False, reverse=False, move=False)
-        self._scans.until(lambda: self._is_down or self.axis.at_rest, REST_S, watch=False)
-        self._scans.until(lambda: self._is_down, _POWER_S, watch=False)
-        self._scans.until(lambda: self._load_is_held, BRAKE_WATCH_S, watch=False)
+        self._scans.until(lambda: self._is_down() or self.axis.at_rest, REST_S, watch=False)
+        self._scans.until(self._is_down, _POWER_S, watch=False)
+        self._scans.until(self._load_is_held, BRAKE_WATCH_S, watch=False)
 
-    @property
     def _is_down(self) -> bool:
-        return self._load_is_held or (self.axis.is_off and self.axis.virtual.at_rest)
+        return self._load_is_held() or (self.axis.is_off and self.axis.virtual.at_rest)
 
-    @property
     def _load_is_held(self) -> bool:
         """By torque alone: the brake is not trusted, and the power sequence ends here."""
         return self.axis.power.phase is PowerPhase.TORQUE_HOLD
@@ -433,7 +431,7 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text, blocking.code)
             return
-        self._scans.until(lambda: self.axis.is_off or self._load_is_held, REST_S, watch=False)
+        self._scans.until(lambda: self.axis.is_off or self._load_is_held(), REST_S, watch=False)
         raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -483,7 +481,7 @@ class AxisRun:
     def _hold_load(self) -> None:
         """Go on while torque alone holds the load; in virtual time nobody can wait, and the load is a simulated one."""
         first = self.axis.alarms.first_out
-        if first is None or not (self._paced and self._load_is_held):
+        if first is None or not (self._paced and self._load_is_held()):
             return
         # At once, whoever has made this run: what is raised or printed at its end comes too late.
         sys.stderr.write(
@@ -492,7 +490,7 @@ class AxisRun:
         )
         sys.stderr.flush()
         self.stop = Stop.NO
-        while self._load_is_held and self.stop is not Stop.QUICK:
+        while self._load_is_held() and self.stop is not Stop.QUICK:
             self.engine.run_for(SLICE_S)
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
@@ -514,9 +512,6 @@ class AxisRun:
             elif not self.axis.is_off:
                 self._go_down()
             self._hold_load()
-            first = self.axis.alarms.first_out
-            if alarm is None and first is not None:  # one that came on the way down, or with a refusal
-                alarm = AlarmStop(first.text, first.code)
         finally:
             self._scans.end()
             self._timed.close()

@@ -132,6 +132,17 @@ def test_a_load_that_torque_alone_holds_in_real_time_is_held_until_somebody_asks
     assert "asked twice to stop, as by Ctrl-C; then the load is let go." in told
 
 
+def test_presses_of_the_motion_before_do_not_count() -> None:
+    run, _ = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+    run._paced, run.stop = True, Stop.QUICK
+    seen: list[float] = []
+    asked_after(run, 5, lambda: seen.append(run.engine.time_s))
+    run.close("stopped")
+    assert len(seen) == 5
+
+
 def test_a_drive_that_trips_holds_nothing_and_the_run_ends() -> None:
     run, _ = powered()
     with pytest.raises(AlarmStop):

@@ -114,7 +114,7 @@ def test_an_axis_without_torque_is_not_down_while_anything_moves(at_rest: bool) 
     )
     run = AxisRun.__new__(AxisRun)
     run.axis = cast("Any", axis)
-    assert run._is_down is at_rest
+    assert run._is_down() is at_rest
 
 
 def test_a_move_that_was_stopped_is_not_done() -> None:
