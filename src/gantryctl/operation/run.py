@@ -205,14 +205,15 @@ class AxisRun:
         """Come to rest, close the brake, take the torque off, see that the brake holds; nothing when that was done.
 
         Raises:
-            AlarmStop: an alarm on the way, or a brake that does not hold; or a custom program keeps power on.
+            AlarmStop: an alarm on the way, as of a brake that does not hold; or a custom program keeps power on.
         """
         if not self._powered and self.axis.is_off:
             return
+        told = self.axis.alarms.first_out
         self._go_down()
-        if self.axis.alarms.first_out is not None:
+        if self.axis.alarms.first_out is not told:
             self._raise_alarm()
-        if not self.axis.is_off:
+        if told is None and not self.axis.is_off:
             raise AlarmStop(
                 f"{Code.SYS_10} STOP · power-down did not end within {_POWER_S:g} s, "
                 f"the axis is {state_words(self.axis.state)} · "

@@ -14,7 +14,7 @@ from gantryctl.operation.client import Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
-from gantryctl.program import Axis, AxisProgram, PowerPhase
+from gantryctl.program import Axis, AxisProgram, Code, PowerPhase
 from gantryctl.program.blocks import Power
 from gantryctl.units import deg
 
@@ -152,6 +152,16 @@ def test_a_drive_that_trips_holds_nothing_and_the_run_ends() -> None:
     asked_after(run, 5, lambda: run.drive.trip(0x7300))
     run.close("stopped")
     assert run.engine.time_s - begun_s == pytest.approx(0.2, abs=0.11)
+
+
+def test_an_alarm_that_has_been_told_is_told_no_second_time() -> None:
+    run = AxisRun(with_values(default_machine(), {"drive.kind": "ideal"}))
+    run.power_up()
+    run.axis.alarms.raise_(Code.DRV_07, measured=1.0, limit=1.0)
+    with pytest.raises(AlarmStop, match="DRV-07"):
+        run.follow(1.0)
+    run.power_down()
+    run.close("stopped")
 
 
 class KeepsPower(AxisProgram):
