@@ -180,10 +180,18 @@ class Axis:
         raise MotionStopped(f"the power sequence has ended, or did not end within {timeout_s:g} s")
 
     def power_off(self, timeout_s: float = 30.0) -> None:
-        """Come to rest, close the brake, take the torque off, and wait for that. Needs no control."""
+        """Come to rest, close the brake, take the torque off, and wait for that. Needs no control.
+
+        Raises:
+            AlarmStop: the brake does not hold, and torque keeps the load. MotionStopped: power was not off in time.
+        """
         self._ask("power", on=False)
         self._powered = False
-        self.wait_until(lambda tags: tags.power_phase == "off", timeout_s)
+        tags = self.wait_until(lambda tags: tags.power_phase in ("off", "torque_hold"), timeout_s)
+        if tags is None:
+            raise MotionStopped(f"power is not off {timeout_s:g} s after it was told to go off")
+        if tags.power_phase == "torque_hold":
+            raise_alarm(tags)
 
     def set(self, tag: Setting, value: float) -> None:
         """Change a setting; outside its range it is refused, never clamped."""

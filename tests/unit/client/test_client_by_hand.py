@@ -12,8 +12,10 @@ import pytest
 
 from gantryctl.client import Axis, MotionStopped, Refused, Service
 from gantryctl.client import axis as client_axis
-from gantryctl.errors import DeviceError, UsageError
+from gantryctl.errors import AlarmStop, DeviceError, UsageError
 from unit.client.played_service import PATIENCE_S, FakeService
+
+NOT_HELD = {"first_out": True, "code": "BRK-03", "text": "BRK-03 STOP"}
 
 
 @pytest.fixture
@@ -99,6 +101,26 @@ def test_a_move_ends_where_power_goes_off(axis: Axis, monkeypatch: pytest.Monkey
     seen(axis, monkeypatch, {"at_rest": False}, {"power": False, "pos_ref_deg": 10.0, "in_position": True})
     with pytest.raises(MotionStopped, match="power was switched off"):
         axis.move(10.0)
+
+
+@pytest.mark.parametrize(
+    ("frames", "error"),
+    [
+        (({"power_phase": "off"},), None),
+        (({"power_phase": "torque_hold", "alarms": [NOT_HELD]},), AlarmStop),
+        (({"power_phase": "unloading"},), MotionStopped),
+    ],
+)
+def test_power_that_does_not_go_off_is_told(
+    axis: Axis, monkeypatch: pytest.MonkeyPatch, frames: Any, error: type[Exception] | None
+) -> None:
+    """A script that goes on would send people to a load that nothing but torque holds."""
+    seen(axis, monkeypatch, *frames)
+    if error is None:
+        axis.power_off()
+        return
+    with pytest.raises(error, match=r"BRK-03|power is not off 30 s after"):
+        axis.power_off()
 
 
 def test_a_key_is_renewed_with_the_frame_that_the_loop_has_seen(axis: Axis, service: FakeService) -> None:
