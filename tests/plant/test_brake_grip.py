@@ -21,7 +21,7 @@ from gantryctl.engineering.faults.run import FaultRun, run_fault
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.machine.places import reach_deg
-from gantryctl.program.monitors import torque
+from gantryctl.program.monitors import drag, torque
 from gantryctl.units import rad
 from gantryctl.wiring.simulator import plant_params
 from plant.plant_rig import PlantRig
@@ -68,11 +68,12 @@ def test_a_motor_that_turns_its_brake_is_taken_off_in_time(
 
 
 @pytest.mark.parametrize("scan_ms", [pytest.param(1.0, marks=SLOW), 10.0])
-def test_without_this_monitor_the_motor_turns_its_brake_for_a_second(
+def test_without_these_monitors_the_motor_turns_its_brake_for_a_second(
     scan_ms: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The liar: a controller that does not know a brake by its torque: 18 deg of 3.3 permitted."""
-    monkeypatch.setattr(torque, "_GRIPS_SHARE", math.inf)
+    """The liar: a controller that does not know a brake by its torque, nor by its mean: 18 deg of 3.3 permitted."""
+    for monitor in (torque, drag):
+        monkeypatch.setattr(monitor, "_GRIPS_SHARE", math.inf)
     result = run_fault(FaultRun(fault_case("C10"), at_scan("draft of gantry", scan_ms)))
     assert result.way_deg > 3.0 * result.limit_deg
     assert any("permitted" in fault for fault in result.faults)
