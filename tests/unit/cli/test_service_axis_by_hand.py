@@ -240,3 +240,28 @@ def test_a_load_that_torque_alone_holds_ends_the_waiting_for_power(
     ask = {"up": axis.power_up, "down": axis.power_down, "switched off": lambda: axis.switch(on=False)}[way]
     with pytest.raises(AlarmStop, match="BRK-03"):
         ask()
+
+
+@pytest.mark.parametrize("lets_go_s", [0.8, None])
+def test_a_brake_is_watched_for_a_second_behind_the_power_down(
+    monkeypatch: pytest.MonkeyPatch, lets_go_s: float | None
+) -> None:
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    axis.take()
+    axis._powered = True
+    link.does["power"] = {"power": False, "power_phase": "off"}
+    begun_s = link.tags["time_s"]
+
+    def goes_on() -> None:
+        link.tags["time_s"] += 0.05
+        if lets_go_s is not None and link.tags["time_s"] - begun_s > lets_go_s:
+            link.tags.update(power_phase="torque_hold", alarms=NOT_HELD)
+
+    link.when_looked = goes_on
+    if lets_go_s is None:
+        axis.power_down()
+        assert link.tags["time_s"] - begun_s == pytest.approx(1.0, abs=0.21)
+    else:
+        with pytest.raises(AlarmStop, match="BRK-03"):
+            axis.power_down()

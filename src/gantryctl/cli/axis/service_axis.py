@@ -14,6 +14,7 @@ import click
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
 from gantryctl.image import Direction
 from gantryctl.machine import Machine, short_hash
+from gantryctl.operation.brake_policy import BRAKE_WATCH_S
 from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Stop
 from gantryctl.operation.store import state_root
 from gantryctl.program import BrakeTestOutcome
@@ -197,7 +198,7 @@ class ServiceAxis:
         self._raise_alarm()
 
     def power_down(self) -> None:
-        """Power off if it was switched on here.
+        """Power off if it was switched on here, and see that the brake holds.
 
         Raises:
             AlarmStop: an alarm on the way, as of a brake that does not hold.
@@ -206,6 +207,8 @@ class ServiceAxis:
             self._link.ask("power", on=False)
             self._wait(lambda tags: tags["power_phase"] in _ENDED)
             self._powered = False
+            watched_s = self.tags["time_s"] + BRAKE_WATCH_S
+            self._wait(lambda tags: tags["power_phase"] == "torque_hold" or tags["time_s"] >= watched_s)
             self._raise_alarm()
 
     def move(

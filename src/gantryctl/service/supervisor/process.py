@@ -124,6 +124,7 @@ class Supervisor:
             self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle, self._here])
         self._directory, self._say, self._options = directory, say, options
         self.hub = Hub(self.memory, Source.LOCAL)
+        self._put_off = False
 
     async def run(self, ready: Callable[[], None]) -> int:
         """Run until a signal, or until the controller cannot be kept running; return the exit code.
@@ -134,7 +135,7 @@ class Supervisor:
         ended = asyncio.Event()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-            loop.add_signal_handler(number, ended.set)
+            loop.add_signal_handler(number, partial(self._asked_to_end, number, ended))
         self.hub.events.put("service", "self-test", None, **self._options.self_test)
         server = LocalServer(
             self._directory,
@@ -161,6 +162,21 @@ class Supervisor:
             server.close()
             for task in (*own, *keepers.values()):
                 task.cancel()
+
+    def _asked_to_end(self, number: signal.Signals, ended: asyncio.Event) -> None:
+        """End; but a person's first request is put off while torque alone holds the load, for it ends with the service.
+
+        The system's own (SIGTERM) is not: behind it come a kill, and an end that leaves no words.
+        """
+        held = self.hub.status()["tags"].get("power_phase") == "torque_hold"
+        if held and number is not signal.SIGTERM and not self._put_off:
+            self._put_off = True
+            self._tell(
+                "the service goes on: torque alone holds the load. Secure it; asked once more the service ends, and "
+                "20 s later nothing holds the load"
+            )
+            return
+        ended.set()
 
     def _children(self) -> list[Child]:
         made = (self.recorder, self.controller, self.gateway, self.opcua)

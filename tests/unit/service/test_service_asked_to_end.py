@@ -1,0 +1,57 @@
+"""Who asks the service to end, and when it does: torque alone may hold the load, and it ends with the service."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from unit.service.test_supervisor_by_hand import Desk
+
+PERSONS = [signal.SIGINT, signal.SIGHUP]
+
+
+@pytest.fixture
+def desk(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Desk:
+    return Desk(monkeypatch, tmp_path)
+
+
+def asked(desk: Desk, phase: str, *numbers: signal.Signals) -> list[int]:
+    """Requests one after the other in a phase of the power sequence; how many of them it took to end."""
+    made: Any = desk.made()
+    made.hub.status = lambda: {"tags": {"power_phase": phase} if phase else {}}
+    taken: list[int] = []
+
+    async def ended() -> None:
+        for count, number in enumerate(numbers, 1):
+            desk.handlers[number]()
+            if desk.said and count == 1:
+                continue
+            taken.append(count)
+            return
+
+    desk.watch = ended
+    assert desk.run(made, lambda: None) == 0
+    return taken
+
+
+@pytest.mark.parametrize("number", PERSONS)
+def test_a_person_has_to_ask_twice_while_torque_alone_holds_the_load(
+    desk: Desk, number: signal.Signals
+) -> None:
+    assert asked(desk, "torque_hold", number, number) == [2]
+    (said,) = desk.said
+    assert "torque alone holds the load" in said
+    assert "20 s later nothing holds the load" in said
+
+
+@pytest.mark.parametrize(
+    ("phase", "number"),
+    [("torque_hold", signal.SIGTERM), ("on", signal.SIGINT), ("off", signal.SIGHUP), ("", signal.SIGINT)],
+)
+def test_else_the_first_request_ends_it(desk: Desk, phase: str, number: signal.Signals) -> None:
+    """Also that of the system, which kills soon after; and before the controller has told anything."""
+    assert asked(desk, phase, number) == [1]
+    assert desk.said == []
