@@ -1,4 +1,4 @@
-"""The brake over the runs of a machine: the date of its next test, the result of the last, the watch behind a run."""
+"""Brake tests over the runs of a machine: the date of the next one, and the retained result of the last."""
 
 from __future__ import annotations
 
@@ -21,10 +21,6 @@ from gantryctl.wiring.program import speed_settings, untestable
 
 LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
 """Codes that only service may reset, also when they are of an earlier run."""
-
-BRAKE_WATCH_S: Final = 1.0
-"""How long a run or a service looks at the load behind its last power-down, s: a brake that lets go shows it only once
-the torque is off. A moment of 1.5 kN m beyond friction turns 2.18e6 kg m2 by the 0.02 deg of BRK-03 within it."""
 
 
 def brake_words(machine: Machine, retained: Retained, now: datetime) -> str:

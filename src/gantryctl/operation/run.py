@@ -16,9 +16,17 @@ from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Direction, Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.beside import begin
-from gantryctl.operation.brake_policy import BRAKE_WATCH_S, why_brake_failed
+from gantryctl.operation.brake_policy import why_brake_failed
 from gantryctl.operation.bus_log import AlarmFrames
-from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Snapshot, Stop
+from gantryctl.operation.client import (
+    BRAKE_WATCH_S,
+    BrakeDue,
+    BrakeTestReport,
+    Ending,
+    MotionReport,
+    Snapshot,
+    Stop,
+)
 from gantryctl.operation.opening import close_axis, leave_bus, left_on_failure, open_axis
 from gantryctl.operation.proofs import why_in_fault
 from gantryctl.operation.run_memory import RunEnd, RunMemory

@@ -14,8 +14,7 @@ import click
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
 from gantryctl.image import Direction
 from gantryctl.machine import Machine, short_hash
-from gantryctl.operation.brake_policy import BRAKE_WATCH_S
-from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Stop
+from gantryctl.operation.client import BRAKE_WATCH_S, BrakeDue, BrakeTestReport, Ending, MotionReport, Stop
 from gantryctl.operation.store import state_root
 from gantryctl.program import BrakeTestOutcome
 from gantryctl.program.alarms.codes import Code

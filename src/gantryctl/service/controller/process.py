@@ -22,8 +22,8 @@ from typing import Final
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
-from gantryctl.operation.brake_policy import BRAKE_WATCH_S
 from gantryctl.operation.bus_log import AlarmFrames, freeze
+from gantryctl.operation.client import BRAKE_WATCH_S
 from gantryctl.operation.opening import left_on_failure, open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
