@@ -11,7 +11,6 @@ from gantryctl.image import Direction
 from gantryctl.machine import Machine
 from gantryctl.program import BrakeTestOutcome
 
-
 BRAKE_WATCH_S: Final = 1.0
 """How long a run or a service looks at the load behind its last power-down, s: a brake that lets go shows it only once
 the torque is off. A moment of 1.5 kN m beyond friction turns 2.18e6 kg m2 by the 0.02 deg of BRK-03 within it."""
