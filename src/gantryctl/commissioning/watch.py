@@ -49,8 +49,18 @@ class Halt:
         """End the step: an axis with its program stops by it, any other one with torque off and brake."""
         self.why = self.why or why
         self.urgency = max(self.urgency, urgency)
-        if self._run is not None:
+        if self._run is None:
+            return
+        if self.holds_load:
+            # Whatever was asked for before, two requests from now on let the load go.
+            self._run.stop = Stop.RAMP if self._run.stop is Stop.NO else Stop.QUICK
+        else:
             self._run.stop = self.urgency
+
+    @property
+    def holds_load(self) -> bool:
+        """Torque alone holds the load of the run: it goes on until it is asked twice to stop."""
+        return self._run is not None and self._run.load_is_held()
 
     def asked(self) -> bool:
         """Whether the step is to end."""
@@ -69,7 +79,7 @@ class Halt:
 
     @contextmanager
     def stops(self, run: AxisRun) -> Iterator[None]:
-        """Hand requests to a run as they come.
+        """Hand requests to a run as they come, also while it is closed: it may hold the load then until it is asked.
 
         Raises:
             StepStopped: one has come, before it begins or while it ran; its axis is at rest then.
@@ -78,11 +88,8 @@ class Halt:
         self._run = run
         # One that came between the two lines above.
         run.stop = self.urgency
-        try:
-            yield
-            self.check()
-        finally:
-            self._run = None
+        yield
+        self.check()
 
 
 class Seen(NamedTuple):

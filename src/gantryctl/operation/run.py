@@ -108,7 +108,8 @@ class AxisRun:
         self._memory = RunMemory(machine, self.axis, opened.retained, store)
         frames = AlarmFrames(self.axis.alarms, None if store is None else store.traces)
         self._scans = SlicedScan(self.engine, self.axis, self.operator, frames, observer)
-        self._powered = False
+        # Torque has held the load, and nobody has looked since whether the brake does.
+        self._powered = self._unwatched = False
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
@@ -181,7 +182,7 @@ class AxisRun:
         """
         if self._powered:
             return
-        self._powered = True
+        self._powered = self._unwatched = True
         self._memory.power_ups += 1
         self._memory.forget_rest()
         refusals = self.axis.refusal_count
@@ -215,7 +216,7 @@ class AxisRun:
         Raises:
             AlarmStop: an alarm on the way, as of a brake that does not hold; or a custom program keeps power on.
         """
-        if not self._powered and self.axis.is_off:
+        if not self._unwatched and self.axis.is_off:
             return
         told = self.axis.alarms.first_out
         self._go_down()
@@ -234,13 +235,14 @@ class AxisRun:
         self._scans.command(power=False, forward=False, reverse=False, move=False)
         self._scans.until(lambda: self._is_down() or self.axis.at_rest, REST_S, watch=False)
         self._scans.until(self._is_down, _POWER_S, watch=False)
-        self._scans.until(self._load_is_held, BRAKE_WATCH_S, watch=False)
+        self._scans.until(self.load_is_held, BRAKE_WATCH_S, watch=False)
+        self._unwatched = False
 
     def _is_down(self) -> bool:
-        return self._load_is_held() or (self.axis.is_off and self.axis.virtual.at_rest)
+        return self.load_is_held() or (self.axis.is_off and self.axis.virtual.at_rest)
 
-    def _load_is_held(self) -> bool:
-        """By torque alone: the brake is not trusted, and the power sequence ends here."""
+    def load_is_held(self) -> bool:
+        """Whether torque alone holds it: the brake is not trusted, and the power sequence ends here."""
         return self.axis.power.phase is PowerPhase.TORQUE_HOLD
 
     def move(
@@ -366,6 +368,7 @@ class AxisRun:
         self.engine.step()
         self._scans.command(brake_test=False)
         self._raise_refusal(refusals)
+        self._unwatched = True
         self._scans.until(lambda: not self.axis.brake_test.under_way, _TEST_S)
         result = self.axis.brake_test.last
         assert result is not None
@@ -440,7 +443,7 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text, blocking.code)
             return
-        self._scans.until(lambda: self.axis.is_off or self._load_is_held(), REST_S, watch=False)
+        self._scans.until(lambda: self.axis.is_off or self.load_is_held(), REST_S, watch=False)
         raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -490,7 +493,7 @@ class AxisRun:
     def _hold_load(self) -> None:
         """Go on while torque alone holds the load; in virtual time nobody can wait, and the load is a simulated one."""
         first = self.axis.alarms.first_out
-        if first is None or not (self._paced and self._load_is_held()):
+        if first is None or not (self._paced and self.load_is_held()):
             return
         # At once, whoever has made this run: what is raised or printed at its end comes too late.
         sys.stderr.write(
@@ -499,7 +502,7 @@ class AxisRun:
         )
         sys.stderr.flush()
         self.stop = Stop.NO
-        while self._load_is_held() and self.stop is not Stop.QUICK:
+        while self.load_is_held() and self.stop is not Stop.QUICK:
             self.engine.run_for(SLICE_S)
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
@@ -518,7 +521,7 @@ class AxisRun:
             # After an exception in a scan the engine runs its own stop program (SYS-09): these scans bring it to rest.
             if self.engine.failure is not None:
                 self.engine.run_for(_POWER_S)
-            elif not self.axis.is_off:
+            elif self._unwatched or not self.axis.is_off:
                 self._go_down()
             self._hold_load()
         finally:

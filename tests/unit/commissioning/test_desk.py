@@ -215,6 +215,45 @@ def test_of_two_stops_the_harder_counts(free_room: Room) -> None:
         assert free_room.desk.halt.urgency is urgency
 
 
+def held(room: Room) -> tuple[SimpleNamespace, list[str]]:
+    """A step whose run is closed and goes on while torque alone holds the load; the run, and what is told."""
+    room.begun("velocity")
+    run = SimpleNamespace(stop=Stop.NO, load_is_held=lambda: True)
+    room.desk.halt._run = run  # type: ignore[assignment]
+    told: list[str] = []
+    room.desk.events.put = lambda kind, text, *who, **values: told.append(text)  # type: ignore[method-assign]
+    room.go(LOOK_S)
+    return run, told
+
+
+def test_two_stops_at_the_page_let_go_a_load_that_torque_alone_holds(free_room: Room) -> None:
+    run, told = held(free_room)
+    # It is told once, however often the desk looks.
+    free_room.go(1.0)
+    assert told == ["step velocity: torque alone holds the load; two requests to stop let it go"]
+    for wanted in (Stop.RAMP, Stop.QUICK):
+        assert free_room.ask(VIEWER, "stop") == ""
+        assert run.stop is wanted
+
+
+def test_a_page_that_falls_silent_lets_no_load_go(free_room: Room) -> None:
+    run, _ = held(free_room)
+    free_room.lively = False
+    free_room.go(SILENCE_S + 1.0)
+    assert run.stop is not Stop.QUICK
+
+
+def test_a_service_that_ends_lets_a_load_go_that_torque_alone_holds(free_room: Room) -> None:
+    """Killed after 25 s it would keep nothing: the next start would not know of the brake."""
+    run, _ = held(free_room)
+    free_room.desk.end("the service ends")
+    stops = []
+    for seconds in (9.9, 0.2):
+        free_room.go(seconds)
+        stops.append(run.stop)
+    assert stops == [Stop.RAMP, Stop.QUICK]
+
+
 def test_each_step_is_that_of_whoever_began_it(room: Room) -> None:
     for who in (ANNA, OTHER):
         room.begun(who=who)

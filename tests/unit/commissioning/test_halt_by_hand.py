@@ -20,7 +20,7 @@ P, F, N = Outcome.PASSED, Outcome.FAILED, Outcome.NOT_TESTABLE
 
 
 def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
+    halt, run = Halt(), SimpleNamespace(stop=Stop.NO, load_is_held=lambda: False)
     # Nobody has asked when the run is about to begin; somebody does before it can be told.
     monkeypatch.setattr(halt, "check", lambda: halt.ask(Stop.QUICK, "now"))
     with halt.stops(run):  # type: ignore[arg-type]
@@ -30,7 +30,7 @@ def test_a_stop_that_comes_as_a_run_begins_is_not_lost(monkeypatch: pytest.Monke
 def test_the_first_who_stops_a_step_is_told_and_the_hardest_stop_counts() -> None:
     halt = Halt()
     halt.check()
-    run = SimpleNamespace(stop=Stop.NO)
+    run = SimpleNamespace(stop=Stop.NO, load_is_held=lambda: False)
     halt._run = run  # type: ignore[assignment]
     for urgency, who in ((Stop.RAMP, "anna"), (Stop.QUICK, "eve"), (Stop.RAMP, "otto")):
         halt.ask(urgency, who)
@@ -52,7 +52,10 @@ def test_a_step_ends_when_nobody_has_listened_for_half_a_second(silent_s: float,
 def test_a_run_ends_too_when_nobody_has_listened_for_half_a_second() -> None:
     """Its program asks nobody: whoever looks at the run does."""
     now = [100.0]
-    halt, run = Halt(listens=True, now_s=lambda: now[0]), SimpleNamespace(stop=Stop.NO)
+    halt, run = (
+        Halt(listens=True, now_s=lambda: now[0]),
+        SimpleNamespace(stop=Stop.NO, load_is_held=lambda: False),
+    )
     watch = StepWatch(Meter(lambda line: None, 1.0, lambda: 0.0), halt)
     observe = watch.observer()
     halt._run = run  # type: ignore[assignment]
@@ -69,11 +72,20 @@ def test_a_run_ends_too_when_nobody_has_listened_for_half_a_second() -> None:
 
 def test_a_run_that_was_stopped_has_not_passed_however_it_ended() -> None:
     """The stop came with its last move: what the run has shown is not what was asked for."""
-    halt, run = Halt(), SimpleNamespace(stop=Stop.NO)
+    halt, run = Halt(), SimpleNamespace(stop=Stop.NO, load_is_held=lambda: False)
     with pytest.raises(StepStopped, match="stopped by anna"), halt.stops(run):  # type: ignore[arg-type]
         halt.ask(Stop.RAMP, "stopped by anna")
     assert run.stop is Stop.RAMP
-    # Its run has ended: another request is for no axis any more.
-    run.stop = Stop.NO
-    halt.ask(Stop.QUICK, "")
-    assert run.stop is Stop.NO
+
+
+def test_a_load_that_torque_alone_holds_is_let_go_by_two_requests_while_the_run_is_closed() -> None:
+    """As `AxisRun.close` does: what was asked for before counts nothing, then it waits for `Stop.QUICK`."""
+    halt, run = Halt(), SimpleNamespace(stop=Stop.NO, load_is_held=lambda: False)
+    with pytest.raises(StepStopped), halt.stops(run):  # type: ignore[arg-type]
+        halt.ask(Stop.QUICK, "stopped by anna")
+    run.stop, run.load_is_held = Stop.NO, lambda: True
+    stops = []
+    for urgency in (Stop.QUICK, Stop.RAMP):
+        halt.ask(urgency, "stopped by eve")
+        stops.append(run.stop)
+    assert stops == [Stop.RAMP, Stop.QUICK]

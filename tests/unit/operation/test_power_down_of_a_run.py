@@ -89,6 +89,36 @@ def test_a_brake_that_fails_as_a_run_closes_locks_the_machine_too() -> None:
     assert machine_status(HANGING).error_stop == "BRK-03"
 
 
+def test_a_brake_that_lets_go_behind_a_stop_by_an_alarm_is_told_too() -> None:
+    """The command has its alarm already, and ends: the load would turn on with nobody there."""
+    with StateStore(HANGING) as store:
+        run = AxisRun(HANGING, store)
+        run.power_up()
+        run.stop = Stop.QUICK
+        with pytest.raises(AlarmStop, match="INT-06") as stopped:
+            run.follow(1.0)
+        assert run.axis.is_off
+        weaken(run)
+        stood_deg = run.angle_deg
+        run.close("stopped", stopped.value)
+        # In virtual time the torque ends with the run: what counts is where the load was in its last scan.
+        assert run.axis.power.phase is PowerPhase.TORQUE_HOLD
+        assert abs(run.angle_deg - stood_deg) < SLIP_DEG
+        kept = store.load_retained()
+    assert kept is not None
+    assert {row.code for row in kept.alarms} & {"BRK-03", "BRK-04"}
+
+
+def test_a_brake_that_has_passed_its_test_is_watched_behind_it() -> None:
+    run = AxisRun(HANGING, brake_test=True)
+    assert run.test_brake().done
+    assert run.axis.is_off
+    weaken(run)
+    with pytest.raises(AlarmStop, match=r"BRK-0[34] STOP") as stopped:
+        run.power_down()
+    run.close("stopped", stopped.value)
+
+
 def test_a_sound_brake_is_watched_for_a_second_and_nothing_is_told() -> None:
     run = AxisRun(HANGING)
     run.power_up()

@@ -41,6 +41,9 @@ from gantryctl.service.protocol.tags import CommissioningPhase
 
 # Between two looks into the rings; the tags go out with every second one.
 LOOK_S: Final = 0.005
+# A load that torque alone holds is let go so long after the service was asked to end, so that the run keeps what it
+# knows: after 25 s the process would be killed (service/supervisor/process.py).
+_HELD_S: Final = 10.0
 
 
 class Desk:
@@ -87,6 +90,7 @@ class Desk:
         self._told: deque[tuple[str, str, dict[str, str]]] = deque()
         self._shown: object = None
         self._looks = 0
+        self._ending_s, self._held = math.inf, False
         self._ended = threading.Event()
 
     # --- the step's side, another thread ----------------------------------------------------------
@@ -151,6 +155,7 @@ class Desk:
         for together in inbox.first.values():
             self._stop_now(together)
         self._watch_over(now_s)
+        self._look_at_load(now_s)
         while inbox.others:
             self._carry_out(inbox.others.take(), now_s)
         self._looks += 1
@@ -167,6 +172,17 @@ class Desk:
         if self.authority.silent(now_s):
             self._free(self.authority.holder.client, f"was silent for {SILENCE_S:g} s")
 
+    def _look_at_load(self, now_s: float) -> None:
+        """Tell of a load that torque alone holds, and let it go in time where the service ends."""
+        held, self._held = self._held, self.halt.holds_load
+        if self._held and not held:
+            text = f"step {self.step}: torque alone holds the load; two requests to stop let it go"
+            self.events.put("alarm", text, self.authority.holder)
+        if self.phase is CommissioningPhase.ENDING:
+            self._ending_s = min(self._ending_s, now_s)
+            if self._held and now_s - self._ending_s >= _HELD_S:
+                self.halt.ask(Stop.QUICK, "the service ends")
+
     def _halt(self, why: str, urgency: Stop = Stop.RAMP) -> None:
         if self.step and urgency > self.halt.urgency:
             self.halt.ask(urgency, why)
@@ -178,7 +194,12 @@ class Desk:
         if kind != "release":
             self.authority.new_epoch()
             urgency = Stop.QUICK if kind == "quick_stop" else Stop.RAMP
-            self._halt(f"stopped by {together[0].who.user}", urgency)
+            why = f"stopped by {together[0].who.user}"
+            if self._held:
+                # Each press counts, and of people only: a page that falls silent lets no load go.
+                self.halt.ask(urgency, why)
+            else:
+                self._halt(why, urgency)
         self._inbox.answer_all(together, self.authority.epoch)
 
     # --- commands ---------------------------------------------------------------------------------
