@@ -255,3 +255,16 @@ def test_the_way_of_a_test_and_its_limit_are_told_in_degrees():
     motor.scan()
     assert motor.test.words.values["way"] == approx(0.0213)
     assert motor.test.words.values["limit"] == approx(0.02)
+
+
+def test_a_second_test_measures_its_way_from_where_it_begins():
+    """The gantry has been turned by 90 deg since the first one."""
+    motor = Motor()
+    motor.to(P.DISABLING)
+    motor.test.finish()
+    motor.pos_rad = rad(90.0)
+    motor.test.prepare(HOLD_NM)
+    motor.test.begin()
+    motor.to(P.DISABLING)
+    assert motor.test.outcome is BrakeTestOutcome.PASSED
+    assert motor.test.moved_rad == 0.0

@@ -67,6 +67,14 @@ def test_after_an_alarm_that_says_the_drive_does_not_obey_torque_stays_off(code,
     assert held(parts).possible() is possible
 
 
+@pytest.mark.parametrize("codes", [("BRK-03", "CAN-12"), ("CAN-12", "BRK-03")])
+def test_another_master_forbids_torque_whichever_alarm_came_first(codes):
+    parts = Parts()
+    for code in codes:
+        parts.alarms.raise_(Code(code))
+    assert not held(parts).possible()
+
+
 @BOTH
 @PERIODS
 @pytest.mark.parametrize(("speed_deg_s", "told_s"), [(0.099, math.inf), (0.101, 0.300)])

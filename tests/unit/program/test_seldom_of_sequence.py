@@ -325,3 +325,24 @@ def test_what_the_brake_takes_in_a_stop_is_counted(way):
     rig.run(0.5)
     assert rig.axis.power.phase is P.TORQUE_OFF
     assert rig.axis.power.wear.energy_j == approx(23.96e3, rel=0.01)
+
+
+def test_torque_that_was_taken_off_is_not_given_back_by_a_brake_that_slips_behind_it():
+    """Whatever began the stop may be a drive that must not push: the brake alone ends it."""
+    rig = moving_rig()
+    rig.axis.power.react(Reaction.TORQUE_OFF)
+    rig.axis.power.react(Reaction.HOLD)
+    rig.step()
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    assert rig.drive.state is not DriveState.OPERATION_ENABLED
+
+
+def test_behind_a_reset_of_hold_the_brake_takes_the_load_step_by_step():
+    """12 N m: all of it until the brake is closed, then a third less at each step."""
+    rig = held_again()
+    rig.program.service = True
+    rig.op(reset=True)
+    seen = record(rig, 1.0)
+    assert [phase for phase, _ in seen] == [P.CLOSING, P.UNLOADING, P.DISABLING, P.OFF]
+    assert seen[0][1].torque_ff_nm == approx(12.0)
+    assert seen[1][1].torque_ff_nm == approx(0.0, abs=0.1)
