@@ -256,6 +256,16 @@ def stop_signals(stop: Callable[[], object]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def asking() -> Iterator[None]:
+    """Ctrl-C answers a question to a person, also within `stop_signals`: nothing moves meanwhile."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def confirm(question: str, otherwise: str) -> None:
     """Ask a person on standard error; Ctrl-C means no.
 
@@ -267,13 +277,10 @@ def confirm(question: str, otherwise: str) -> None:
     """
     from gantryctl.errors import CommandRefused
 
-    # Nothing moves while a person is asked, so Ctrl-C is an answer, not a request to stop.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        agreed = click.confirm(question, err=True)
+        with asking():
+            agreed = click.confirm(question, err=True)
     except click.Abort:
         agreed = False
-    finally:
-        signal.signal(signal.SIGINT, before)
     if not agreed:
         raise CommandRefused(f"not confirmed: {otherwise}")

@@ -259,14 +259,15 @@ def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_no
     assert record.exists()
     assert work.progress.results["a"].outcome is P
     faults = (AlarmStop("turned"), CommandRefused("not now"), DeviceError("no answer"))
-    for failing in (step("a", F), *(Step("a", "", "", "", raising(fault)) for fault in faults)):
+    # One that is not required shows what it shows too.
+    for failing in (step("a", F), step("a", F, required=False), *(Step("a", "", "", "", raising(fault)) for fault in faults)):
         work.record()
         result = work.do(failing)
         assert result is not None
         assert result.outcome is F
         assert not record.exists()
     # What the bus has carried is kept of each that failed.
-    assert frozen == ["step-a"] * 4
+    assert frozen == ["step-a"] * 5
 
 
 def test_the_record_names_what_has_passed_and_what_it_has_measured(
@@ -417,6 +418,11 @@ def test_other_gains_take_away_the_record_and_every_proof_from_the_sign_on(
     # Once more, without a record.
     void_control_proofs(MACHINE, work.store)
     assert set(made().progress.results) == kept
+    # And a record whose results are gone.
+    work.record()
+    work._path.unlink()
+    void_control_proofs(MACHINE, work.store)
+    assert not record.exists()
 
 
 def test_a_result_has_the_time_of_the_axis_and_of_the_person(tmp_path: Path) -> None:

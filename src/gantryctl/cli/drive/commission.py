@@ -13,7 +13,15 @@ from gantryctl.cli.engineering.at_the_load import (
     instrument_options,
     open_instrument,
 )
-from gantryctl.cli.options import bus_log_option, config_option, directory, out_option, proven_machine
+from gantryctl.cli.options import (
+    asking,
+    bus_log_option,
+    config_option,
+    directory,
+    out_option,
+    proven_machine,
+    stop_signals,
+)
 from gantryctl.cli.report import head_of, report_options
 from gantryctl.extras import need
 
@@ -180,11 +188,19 @@ def _ask(work: Commissioning, step: Step, only: str | None) -> bool:
     """Ask before the first step of a reach: one yes holds for all that reach no further."""
     together = [each for each in work.left(only) if each.reach == step.reach]
     could = "; ".join(f"{each.title}: {each.moves}" for each in together)
-    return click.confirm(f"could move: {could}. Is everybody away from the axis?")
+    with asking():
+        return click.confirm(f"could move: {could}. Is everybody away from the axis?")
 
 
 def _run(work: Commissioning, only: str | None, again: bool, folder: Path, made: Made) -> int:
     from gantryctl.commissioning import Outcome, write_report
+    from gantryctl.commissioning.watch import Halt
+    from gantryctl.operation.client import Stop
+
+    halt = Halt()
+
+    def stop() -> None:
+        halt.ask(Stop.RAMP if halt.urgency is Stop.NO else Stop.QUICK, "the command was asked to end")
 
     # Asked twice: another drive than before begins from the start, and which drive it is shows on the bus.
     steps = work.left(only)
@@ -196,7 +212,10 @@ def _run(work: Commissioning, only: str | None, again: bool, folder: Path, made:
     # In this order and not beyond a failure: each step relies on what the ones before it have proven.
     for step in steps:
         click.echo(f"{step.title}: {step.does}")
-        result = work.do(step)
+        # The axis is not left to a drive whose watch is not proven yet, whoever ends the command or loses its terminal.
+        with stop_signals(stop):
+            result = work.do(step, halt)
+        halt.check()
         if result is None:
             click.echo("  left out")
             ended_badly = True
