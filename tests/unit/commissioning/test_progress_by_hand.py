@@ -260,7 +260,11 @@ def test_a_proof_that_fails_takes_the_record_away_and_a_stop_by_a_person_does_no
     assert work.progress.results["a"].outcome is P
     faults = (AlarmStop("turned"), CommandRefused("not now"), DeviceError("no answer"))
     # One that is not required shows what it shows too.
-    for failing in (step("a", F), step("a", F, required=False), *(Step("a", "", "", "", raising(fault)) for fault in faults)):
+    for failing in (
+        step("a", F),
+        step("a", F, required=False),
+        *(Step("a", "", "", "", raising(fault)) for fault in faults),
+    ):
         work.record()
         result = work.do(failing)
         assert result is not None
