@@ -74,6 +74,17 @@ def test_a_drive_that_watches_one_way_shows_that_one(
     assert f"this drive has no {other.place} ({other})" in found.proof
 
 
+def test_a_drive_that_had_to_be_broken_off_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It does not obey: it gets no other command, and the second silence is not tried."""
+    silences = Silences(monkeypatch, HandDrive(), tuple(silence.Way))
+    liar = silence.SilentDrive(broken_off="still operation enabled · torque off and brake closed after 20 ms")
+    monkeypatch.setattr(steps_silence, "fall_silent", lambda *_: silences.did.append("silent") or liar)
+    found = steps_silence.silence(context())
+    assert found.outcome is Outcome.FAILED
+    assert "still operation enabled" in found.proof
+    assert silences.did == ["silent"]
+
+
 def test_a_drive_without_a_watch_has_shown_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     silences = Silences(monkeypatch, HandDrive(), ())
     assert steps_silence.silence(context()).outcome is Outcome.NOT_TESTABLE

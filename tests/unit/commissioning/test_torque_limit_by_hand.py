@@ -126,3 +126,11 @@ def test_a_push_is_taken_back_and_never_goes_the_other_way(direction: float) -> 
     assert max(np.diff(asked)) == pytest.approx(0.16)
     assert min(asked) == pytest.approx(-2.0)
     assert asked[-1] == pytest.approx(-2.0)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_what_the_enabled_drive_gives_by_itself_is_no_part_of_the_push(direction: float) -> None:
+    """Its speed loop holds 10 N m against the closed brake from the moment it is enabled, none before."""
+    drive = HandDrive(torque_nm=10.0 * direction)
+    given = steps_lacks._push(axis_of(drive, following=False), direction * 20.0, 30.0)
+    assert direction * given == pytest.approx(20.0)
