@@ -34,6 +34,28 @@ def test_a_page_that_was_unused_for_a_minute_makes_room_for_the_seventeenth(
     assert asked == [("anna", 16, 60.0)]
 
 
+def test_a_page_that_is_gone_before_it_was_let_in_leaves_its_place(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else 64 of them would keep every later page of this machine out."""
+    left: list[str] = []
+    session = access.sessions.open(ANNA, "here")
+    monkeypatch.setattr(access, "session", lambda _: session)
+    monkeypatch.setattr(access.hub, "make_room", lambda *_: True)
+    live = Live(access, access.hub)
+    place = SimpleNamespace(leave=lambda: left.append("left"))
+    monkeypatch.setattr(live, "_places", SimpleNamespace(take=lambda _: place))
+
+    async def gone(*_: Any) -> Any:
+        raise OSError("gone")
+
+    headers: Headers = [(b"host", HERE), (b"origin", b"http://127.0.0.1:1"), JSON]
+    socket = WebSocket({**scope(headers=headers), "type": "websocket", "extensions": {}}, gone, gone)
+    with pytest.raises(OSError, match="gone"):
+        asyncio.run(live.serve(socket))
+    assert left == ["left"]
+
+
 def test_between_two_messages_of_a_page_others_have_their_turn(access: Access) -> None:
     """All of them are there already."""
     taken: list[str] = []
