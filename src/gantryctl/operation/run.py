@@ -492,14 +492,17 @@ class AxisRun:
 
     def _hold_load(self) -> None:
         """Go on while torque alone holds the load; in virtual time nobody can wait, and the load is a simulated one."""
-        first = self.axis.alarms.first_out
-        if first is None or not (self._paced and self.load_is_held()):
+        if not (self._paced and self.load_is_held()):
             return
+        why = [alarm.text for alarm in self.axis.alarms.active.values() if alarm.reaction is Reaction.HOLD]
         # At once, whoever has made this run: what is raised or printed at its end comes too late.
-        sys.stderr.write(
-            f"\n{first.text}\nTorque holds the load while this command runs. It goes on until it is asked twice to "
-            "stop, as by Ctrl-C; then the load is let go.\n"
-        )
+        lines = [
+            "",
+            *why,
+            "Torque holds the load while this command runs. It goes on until it is asked twice to stop, as by Ctrl-C; "
+            "then the load is let go.",
+        ]
+        sys.stderr.write("\n".join(lines) + "\n")
         sys.stderr.flush()
         self.stop = Stop.NO
         while self.load_is_held() and self.stop is not Stop.QUICK:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -160,6 +161,21 @@ def test_a_load_that_torque_alone_holds_in_real_time_is_held_until_somebody_asks
     told = capsys.readouterr().err
     assert "BRK-03 STOP" in told
     assert "asked twice to stop, as by Ctrl-C; then the load is let go." in told
+
+
+def test_the_brake_is_named_behind_the_alarm_that_stopped_the_axis(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run, _ = powered()
+    run.stop = Stop.QUICK
+    with pytest.raises(AlarmStop, match="INT-06"):
+        run.follow(1.0)
+    run._paced = True
+    asked_after(run, 5, lambda: None)
+    run.close("stopped")
+    told = capsys.readouterr().err
+    assert re.search(r"BRK-0[34] STOP", told)
+    assert "INT-06 STOP" not in told
 
 
 def test_presses_of_the_motion_before_do_not_count() -> None:
