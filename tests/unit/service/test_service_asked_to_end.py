@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from gantryctl.service.clients.hub import Hub
 from unit.service.test_supervisor_by_hand import Desk
 
 PERSONS = [signal.SIGINT, signal.SIGHUP]
@@ -54,4 +55,18 @@ def test_a_person_has_to_ask_twice_while_torque_alone_holds_the_load(
 def test_else_the_first_request_ends_it(desk: Desk, phase: str, number: signal.Signals) -> None:
     """Also that of the system, which kills soon after; and before the controller has told anything."""
     assert asked(desk, phase, number) == [1]
+    assert desk.said == []
+
+
+def test_a_controller_that_has_gone_holds_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever it told last; asked while it runs: the service was ready before."""
+    made: Any = desk.made()
+    made.hub.status = lambda: {"tags": {"power_phase": "torque_hold"}}
+
+    async def gone() -> None:
+        monkeypatch.setattr(Hub, "fresh", False)
+        desk.handlers[signal.SIGINT]()
+
+    desk.watch = gone
+    assert desk.run(made, lambda: None) == 0
     assert desk.said == []

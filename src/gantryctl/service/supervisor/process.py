@@ -168,7 +168,8 @@ class Supervisor:
 
         The system's own (SIGTERM) is not: behind it come a kill, and an end that leaves no words.
         """
-        held = self.hub.status()["tags"].get("power_phase") == "torque_hold"
+        # Of a controller that is alive: one that has gone holds nothing, whatever it told last.
+        held = self.hub.fresh and self.hub.status()["tags"].get("power_phase") == "torque_hold"
         if held and number is not signal.SIGTERM and not self._put_off:
             self._put_off = True
             self._tell(
