@@ -260,3 +260,27 @@ def test_a_failure_is_told_with_its_length_when_it_is_over(bench: Bench) -> None
     assert "60" in line
     # A second between two tries, not the milliseconds of a look.
     assert pauses[:2] == [1.0, 1.0]
+
+
+def test_an_event_never_waits_for_the_upkeep_and_the_upkeep_never_for_an_event(bench: Bench) -> None:
+    """Looks of 10 ms: files and disk every 100 ms, an event in the look after it came, whenever that is."""
+    ended, kept_s, seen = threading.Event(), list[float](), 0
+
+    def paused(timeout: float | None = None) -> bool:
+        nonlocal seen
+        if bench.journal.times("events") > seen:
+            seen += 1
+            kept_s.append(round(bench.now_s - 100.0, 3))
+        bench.now_s += 0.010
+        at_s = round(bench.now_s - 100.0, 3)
+        if at_s in (0.03, 0.27):
+            bench.log.put("command", "move")
+        if at_s >= 1.0:
+            ended.set()
+        return False
+
+    ended.wait = paused  # type: ignore[method-assign]
+    bench.writer.run(ended)
+    assert kept_s == [0.03, 0.27]
+    # At 0, with each event, every 100 ms behind the last time and at the end; not in each of the 100 looks.
+    assert 10 <= bench.journal.times("settled") <= 15

@@ -38,6 +38,8 @@ SLOW_S: Final = 1.0
 _BATCH: Final = 200
 # Pause between two looks for events: replies wait for their commit, and people for replies.
 _LOOK_S: Final = 0.002
+# Between two looks at files and disk while nothing waits: at every look they would take 4 % of a processor.
+_UPKEEP_S: Final = 0.1
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0
 _PRUNE_S: Final = 600.0
@@ -79,7 +81,7 @@ class EventWriter:
         # What this process has to say itself, from any thread; it stays until it is kept.
         self.notes: deque[Note] = deque()
         self._disk = 0
-        self._failed_since_s = self._prune_s = self._anchor_s = -math.inf
+        self._failed_since_s = self._prune_s = self._anchor_s = self._upkeep_s = -math.inf
         self._slowest_s = 0.0
 
     @property
@@ -140,6 +142,7 @@ class EventWriter:
         self._prune()
         self._keep_anchor(journal)
         journal.settle()
+        self._upkeep_s = time.monotonic() + _UPKEEP_S
         self.failed = False
         return bool(batches)
 
@@ -196,7 +199,8 @@ class EventWriter:
         while True:
             last_round, busy, pause_s = ended.is_set(), False, _LOOK_S
             try:
-                busy = self.drain()
+                if last_round or self._waiting or time.monotonic() >= self._upkeep_s:
+                    busy = self.drain()
             except DeviceError as fault:
                 if not self.failed:
                     self._failed_since_s = time.monotonic()
@@ -214,7 +218,12 @@ class EventWriter:
     @property
     def all_kept(self) -> bool:
         """Whether nothing waits for the disk."""
-        return not (self.failed or self.notes or any(len(ring) for ring in self._memory.events))
+        return not (self.failed or self._waiting)
+
+    @property
+    def _waiting(self) -> bool:
+        """Whether an event waits."""
+        return bool(self.notes) or any(len(ring) for ring in self._memory.events)
 
     def close(self) -> None:
         """Close the journal."""
