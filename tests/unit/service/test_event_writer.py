@@ -253,7 +253,7 @@ def test_a_failure_is_told_with_its_length_when_it_is_over(bench: Bench) -> None
         pauses.append(timeout)
         return wait(0.0)
 
-    bench.writer.drain, ended.wait = look, paused  # type: ignore[method-assign, assignment]
+    bench.writer.drain, ended.wait = look, paused  # type: ignore[method-assign]
     bench.writer.run(ended)
     (line,) = bench.journal.told()
     assert line.startswith("JRN-02")
