@@ -109,7 +109,7 @@ class AxisRun:
         frames = AlarmFrames(self.axis.alarms, None if store is None else store.traces)
         self._scans = SlicedScan(self.engine, self.axis, self.operator, frames, observer)
         # Torque has held the load, and nobody has looked since whether the brake does.
-        self._powered = self._unwatched = False
+        self._powered = self._unwatched = self._closed = False
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
@@ -243,7 +243,7 @@ class AxisRun:
 
     def load_is_held(self) -> bool:
         """Whether torque alone holds it: the brake is not trusted, and the power sequence ends here."""
-        return self.axis.power.phase is PowerPhase.TORQUE_HOLD
+        return self.axis.power.phase is PowerPhase.TORQUE_HOLD and not self._closed
 
     def move(
         self,
@@ -528,6 +528,7 @@ class AxisRun:
                 self._go_down()
             self._hold_load()
         finally:
+            self._closed = True
             self._scans.end()
             self._timed.close()
             if self.engine.scan:

@@ -57,7 +57,10 @@ def test_a_brake_that_does_not_hold_is_told_before_the_run_has_ended() -> None:
             run.power_down()
         assert run.axis.power.phase is PowerPhase.TORQUE_HOLD
         assert abs(load_deg(run) - stood_deg) < SLIP_DEG
+        assert run.load_is_held()
         run.close("stopped", stopped.value)
+        # Its torque ended with it: who asks for a stop of the next run must not be taken for one who lets this load go.
+        assert not run.load_is_held()
     assert machine_status(HANGING).error_stop == "BRK-03"
 
 
