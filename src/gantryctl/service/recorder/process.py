@@ -199,7 +199,7 @@ class EventWriter:
         while True:
             last_round, busy, pause_s = ended.is_set(), False, _LOOK_S
             try:
-                if last_round or self._waiting or time.monotonic() >= self._upkeep_s:
+                if self._waiting or time.monotonic() >= self._upkeep_s:
                     busy = self.drain()
             except DeviceError as fault:
                 if not self.failed:
