@@ -4,6 +4,7 @@ import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 import { link } from '../src/lib/link.svelte';
 import { keys, motion, move, whyNot } from '../src/lib/rules';
 import { sight } from '../src/lib/sight.svelte';
+import Commissioning from '../src/parts/Commissioning.svelte';
 import Move from '../src/parts/Move.svelte';
 import Travel from '../src/parts/Travel.svelte';
 import TwoStep from '../src/parts/TwoStep.svelte';
@@ -210,5 +211,19 @@ describe('what is done in two steps', () => {
       true,
       false,
     ]);
+  });
+});
+
+describe('a step of commissioning', () => {
+  test.each([
+    ['torque_hold', 'Torque alone holds the load'],
+    ['off', ''],
+  ] as const)('in power phase %s tells whether torque alone holds the load', (phase, said) => {
+    vi.stubGlobal('fetch', () => Promise.resolve({ ok: false }));
+    tags({ commissioning: 'running', commissioning_step: 'velocity', power_phase: phase });
+    const at = show(Commissioning, {}).querySelector('[data-testid=commission_holds]');
+    expect(at?.textContent ?? '').toContain(said);
+    expect(at === null).toBe(said === '');
+    vi.unstubAllGlobals();
   });
 });

@@ -77,6 +77,8 @@ export const en = {
   commission_next: 'Next step',
   commission_moves: 'Could move: {moves}. Is everybody away from the axis?',
   commission_still: 'Nothing moves in it.',
+  commission_holds:
+    'Torque alone holds the load: the brake does not. Keep away and secure the load. Stop pressed twice, or an emergency stop, lets it go.',
   commission_complete: 'Every required step has passed: the end writes the record.',
   commission_step: 'Step',
   commission_outcome: 'Result',

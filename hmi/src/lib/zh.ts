@@ -74,6 +74,7 @@ export const zh: Record<Key, string> = {
   commission_next: '下一步',
   commission_moves: '可能的运动：{moves}。所有人都已离开轴了吗？',
   commission_still: '此步骤不产生运动。',
+  commission_holds: '仅靠电机转矩保持负载：制动器不能保持。请远离并固定负载。按两次停止或急停会释放负载。',
   commission_complete: '所有必需步骤均已通过：结束时写入记录。',
   commission_step: '步骤',
   commission_outcome: '结果',

@@ -231,6 +231,7 @@ def test_two_stops_at_the_page_let_go_a_load_that_torque_alone_holds(free_room: 
     # It is told once, however often the desk looks.
     free_room.go(1.0)
     assert told == ["step velocity: torque alone holds the load; two requests to stop let it go"]
+    assert free_room.tags["power_phase"] == "torque_hold"
     for wanted in (Stop.RAMP, Stop.QUICK):
         assert free_room.ask(VIEWER, "stop") == ""
         assert run.stop is wanted

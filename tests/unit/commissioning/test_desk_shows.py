@@ -34,20 +34,23 @@ def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> Non
         DriveState.SWITCHED_ON, 0, 0.0, -12.5, brake_open, False, 0.0, EncoderFlag.NONE,
         inputs=DigitalInputs()._replace(**dict.fromkeys(SITE, True) | {name: False}),
     )  # fmt: skip
-    tags = fast_tags(MACHINE, Seen(-90.25, 0.5, drive), moves=True)
+    tags = fast_tags(MACHINE, Seen(-90.25, 0.5, drive), moves=True, holds_load=False)
     assert {each for each in (*INPUTS, *SITE) if not tags[each]} == {name}
     bare = drive._replace(inputs=DigitalInputs())
-    assert all(math.isnan(fast_tags(MACHINE, Seen(0.0, 0.0, bare), moves=True)[each]) for each in SITE)
+    assert all(
+        math.isnan(fast_tags(MACHINE, Seen(0.0, 0.0, bare), moves=True, holds_load=False)[each])
+        for each in SITE
+    )
     assert (tags["pos_act_deg"], tags["vel_act_deg_s"], tags["torque_act_nm"]) == (-90.25, 0.5, -12.5)
     assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
     assert tags["brake_open_cmd"] == brake_open
     # An angle that nobody knows is none.
-    lost = fast_tags(MACHINE, Seen(None, None, drive), moves=True)
+    lost = fast_tags(MACHINE, Seen(None, None, drive), moves=True, holds_load=False)
     assert math.isnan(lost["pos_act_deg"])
     assert (lost["pos_ref_deg"], tags["pos_ref_deg"]) == (0.0, -90.25)
     # Nobody has read a drive, or a program has it.
     for seen in (None, Seen(-90.25, 0.5, None)):
-        assert fast_tags(MACHINE, seen, moves=True)["drive_state"] is DriveState.UNKNOWN
+        assert fast_tags(MACHINE, seen, moves=True, holds_load=False)["drive_state"] is DriveState.UNKNOWN
 
 
 def test_what_cannot_be_while_the_axis_is_commissioned() -> None:

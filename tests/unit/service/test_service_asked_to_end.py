@@ -45,7 +45,7 @@ def test_a_person_has_to_ask_twice_while_torque_alone_holds_the_load(
     assert asked(desk, "torque_hold", number, number) == [2]
     (said,) = desk.said
     assert "torque alone holds the load" in said
-    assert "20 s later nothing holds the load" in said
+    assert "within 20 s nothing holds the load" in said
 
 
 @pytest.mark.parametrize(

@@ -316,7 +316,8 @@ class Desk:
         step = self.step
         watch = self._watching() if step else None
         seen, left_s = (None, math.nan) if watch is None else (watch.seen, watch.meter.left_s)
-        fast = fast_tags(self._machine, seen, moves=bool(step) and self._reach is not Reach.NOTHING)
+        moves = bool(step) and self._reach is not Reach.NOTHING
+        fast = fast_tags(self._machine, seen, moves=moves, holds_load=self._held)
         events = self._memory.events[Source.CONTROLLER]
         own = {
             "issued_ms": self.frames.issued_ms,

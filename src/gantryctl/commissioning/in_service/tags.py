@@ -19,12 +19,15 @@ from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.tags import BY_NAME
 
 
-def fast_tags(machine: Machine, seen: Seen | None, *, moves: bool) -> dict[str, float]:
+def fast_tags(
+    machine: Machine, seen: Seen | None, *, moves: bool, holds_load: bool
+) -> dict[str, float]:
     """The 20 Hz tags.
 
     Args:
         seen: what the step under way sees; None without one, or before it has opened the drive.
         moves: the step under way can move the axis.
+        holds_load: torque alone holds the load of the step under way.
     """
     found = {name: math.nan if BY_NAME[name].null else 0.0 for name in FAST}
     # Nobody vouches for the angle: encoder and zero offset are being proven.
@@ -35,7 +38,7 @@ def fast_tags(machine: Machine, seen: Seen | None, *, moves: bool) -> dict[str, 
         "vel_act_deg_s": vel_deg_s,
         "pos_ref_deg": pos_deg if math.isfinite(pos_deg) else 0.0,
         "axis_state": AxisState.DISABLED,
-        "power_phase": PowerPhase.OFF.value,
+        "power_phase": (PowerPhase.TORQUE_HOLD if holds_load else PowerPhase.OFF).value,
         "brake_test_phase": BrakeTestPhase.IDLE.value,
         "at_rest": not moves,
         "following_error_trip_deg": machine.monitors.following_error_base_deg,

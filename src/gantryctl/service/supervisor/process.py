@@ -174,7 +174,7 @@ class Supervisor:
             self._put_off = True
             self._tell(
                 "the service goes on: torque alone holds the load. Secure it; asked once more the service ends, and "
-                "20 s later nothing holds the load"
+                "within 20 s nothing holds the load"
             )
             return
         ended.set()
