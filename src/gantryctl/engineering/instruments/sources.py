@@ -247,21 +247,18 @@ def _by_place(places: Floats, count: int) -> Floats:
     return np.asarray((places[:, None] == np.arange(count)[None, :]).astype(np.float64))
 
 
-# Faces of the polygon.
+# Faces of the polygon, and the way from one to the next.
 FACES: Final = 24
+_FACE_DEG: Final = 360.0 / FACES
 
 
-def autocollimator_sources(errors_deg: float = 0.005) -> tuple[Source, ...]:
-    """An autocollimator on a polygon of 24 faces: it reads where a face stands, every 15 deg.
-
-    Args:
-        errors_deg: how far the axis stands beside its targets: what the autocollimator's own scale acts on.
-    """
+def autocollimator_sources() -> tuple[Source, ...]:
+    """An autocollimator on a polygon of 24 faces, one every 15 deg: it reads how far a face stands beside its place."""
     return (
         Source("polygon, angle of a face (+-0.25 arcsec)", 0.25 * _ARCSEC * _MPE, "deg",
                "rectangular", lambda a, _: _by_place(_faces(a), FACES)),
         Source("autocollimator, scale (+-1 % of what it reads)", 0.01 * _MPE, "-", "rectangular",
-               lambda a, _: np.full((len(a), 1), errors_deg)),
+               lambda a, _: _beside_face(a)[:, None]),
         Source("autocollimator, periodic error (+-0.1 arcsec)", 0.1 * _ARCSEC * _MPE, "deg", "rectangular",
                _along(1.0), Acting.READING),
         Source("noise of a reading", 0.05 * _ARCSEC, "deg", "normal", _along(1.0), Acting.READING),
@@ -277,16 +274,19 @@ def _faces(angles_deg: Floats) -> Floats:
     Raises:
         UsageError: no face is.
     """
-    step = 360.0 / FACES
-    numbers = np.round(angles_deg / step)
     # An autocollimator sees a tenth of a degree at most.
-    beside = np.abs(angles_deg - step * numbers) > 0.1
+    beside = np.abs(_beside_face(angles_deg)) > 0.1
     if np.any(beside):
         raise UsageError(
             f"autocollimator: at {angles_deg[beside][0]:.1f} deg it sees no face of the polygon, which has one every "
-            f"{step:g} deg: choose bases and displacements that are multiples of it (--displacement 15)"
+            f"{_FACE_DEG:g} deg: choose bases and displacements that are multiples of it (--displacement 15)"
         )
-    return np.asarray(numbers % FACES)
+    return np.asarray(np.round(angles_deg / _FACE_DEG) % FACES)
+
+
+def _beside_face(angles_deg: Floats) -> Floats:
+    """What the autocollimator reads: how far the axis stands beside the next place of a face."""
+    return np.asarray(angles_deg - _FACE_DEG * np.round(angles_deg / _FACE_DEG))
 
 
 def ring_encoder_sources(

@@ -136,6 +136,19 @@ def test_a_scale_stretches_the_stops_of_a_table_where_they_were(sign: float, slo
     assert row.sensitivity == pytest.approx(slope, rel=1e-5)
 
 
+def test_an_autocollimator_stretches_what_the_axis_stands_beside_its_faces() -> None:
+    """Errors of 0.03 and 0.01 deg at 15 deg: A is six S, 6 x 0.02 / sqrt(2), and a scale makes it longer by its part.
+
+    1 % uniform is 0.01 / sqrt(3): of 0.0849 deg 0.00049.
+    """
+    rows = tuple(RowKey(0.0, way) for way in Direction)
+    table = ErrorTable(rows, (0.0, 15.0), np.array([[0.0, 0.03], [0.0, 0.01]]))
+    found = table_budget(table, "t", sources_of("autocollimator"))
+    (scale,) = (row for row in found.contributions if "autocollimator, scale" in row.name)
+    assert scale.sensitivity == pytest.approx(0.08485, rel=1e-3)
+    assert scale.contribution_deg == pytest.approx(0.00049, rel=1e-2)
+
+
 def test_a_chord_of_half_a_degree_is_rounded_too() -> None:
     """Errors of 0.1 and 0.3 deg: A is six S, and each error moves S by 1 / sqrt(2) of itself."""
     rows = tuple(RowKey(base, Direction.CCW) for base in (0.0, 90.0))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,9 +26,12 @@ from gantryctl.engineering.accuracy.gear import (
     worth_of_the_fit,
 )
 from gantryctl.engineering.accuracy.isocentre import Isocentre, isocentre_data, isocentre_text
+from gantryctl.engineering.accuracy.report.page import render_speed_test
+from gantryctl.engineering.accuracy.report.report import SpeedRun
 from gantryctl.engineering.accuracy.table import Direction, RowKey
-from gantryctl.machine import config_hash, default_machine
+from gantryctl.machine import Requirement, config_hash, default_machine
 from gantryctl.units import SIGNED
+from support.reports import HEAD
 
 BUDGET = Budget(
     "tracker",
@@ -73,6 +78,36 @@ def test_a_budget_for_a_program() -> None:
     }  # fmt: skip
     assert second["degrees_of_freedom"] is None
     assert budget_data(None) is None
+
+
+SPEED_RUN = SpeedRun(6.0, Direction.CCW, (-90.0, 90.0), 5.998, 0.018, 0.02, Requirement(0.01, "m"), motor_judged=False)
+
+
+def required_rows(run: SpeedRun) -> list[tuple[str, ...]]:
+    """Cells of the table of required values on the page of one run."""
+    table = re.search(r'<table class="required">.*?</table>', render_speed_test([run], HEAD), re.DOTALL)
+    assert table is not None
+    rows = re.findall(r"<tr>(<td.*?)</tr>", table.group(), re.DOTALL)
+    return [tuple(re.findall(r"<td[^>]*>(.*?)</td>", row)) for row in rows]
+
+
+def test_a_motor_that_leads_on_purpose_is_no_pass_of_its_limit() -> None:
+    """0.018 deg/s beside "at most 0.01" has no verdict; the speed was reached to 5.998 / 6 = 99.97 %."""
+    reached, motor = required_rows(SPEED_RUN)
+    assert reached == ("Part of each speed that is reached", "at least 99.9 %", "99.97 %", "pass")
+    assert motor[1:] == ("at most 0.01°/s", "0.0180°/s", "no verdict")
+    page = render_speed_test([SPEED_RUN], HEAD)
+    assert "very speed is reached, motor side not judged" in page
+    assert "within the limit" not in page
+
+
+def test_a_speed_test_says_which_of_its_two_criteria_failed() -> None:
+    slow = replace(SPEED_RUN, reached_deg_s=5.99, motor_error_deg_s=0.009, motor_judged=True)
+    assert [row[-1] for row in required_rows(slow)] == ["FAIL", "pass"]
+    assert "ccw: speed not reached" in render_speed_test([slow], HEAD)
+    wild = replace(SPEED_RUN, motor_judged=True)
+    assert [row[-1] for row in required_rows(wild)] == ["pass", "FAIL"]
+    assert "ccw: motor side above the limit" in render_speed_test([wild], HEAD)
 
 
 ROW, BACK = RowKey(0.0, Direction.CCW), RowKey(-90.0, Direction.CW, 2)

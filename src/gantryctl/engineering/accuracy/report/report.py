@@ -114,9 +114,14 @@ class SpeedRun:
         return self.reached_deg_s >= 0.999 * self.speed_deg_s
 
     @property
+    def motor_within(self) -> bool | None:
+        """The motor-side error is within what is required over the whole move; None where it is not judged."""
+        return self.motor_error_deg_s <= self.required.limit if self.motor_judged else None
+
+    @property
     def passed(self) -> bool:
-        """Speed reached, and (where it is judged) the motor-side error within what is required over the whole move."""
-        return self.reached and (not self.motor_judged or self.motor_error_deg_s <= self.required.limit)
+        """Speed reached, and the motor side within what is required where it is judged."""
+        return self.reached and self.motor_within is not False
 
 
 @dataclass(frozen=True)

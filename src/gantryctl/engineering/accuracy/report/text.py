@@ -33,6 +33,8 @@ ISO_NAMES = (
     ("accuracy_deg", "A (ISO)", "accuracy, both ways"),
 )
 
+NOT_JUDGED = "motor side not judged: compensations move the motor off the set-point on purpose"
+
 # Rows under the table: name and attribute of `TableStatistics`.
 STATISTICS = (("X", "mean_deg"), ("3 S", "three_s_deg"), ("X + 3 S", "upper_deg"), ("X - 3 S", "lower_deg"))
 
@@ -174,7 +176,7 @@ def speed_lines(runs: Sequence[SpeedRun]) -> str:
     required = runs[0].required
     lines.append(f"motor side: at most {required.limit:g} deg/s, required by {required.origin}")
     if not all(run.motor_judged for run in runs):
-        lines.append("motor side not judged: compensations move the motor off the set-point on purpose")
+        lines.append(NOT_JUDGED)
     return "\n".join(lines)
 
 
