@@ -12,7 +12,7 @@ from gantryctl.engineering.comparison.drift_file import Drift, DriftRow
 from gantryctl.engineering.comparison.drift_report import WITHOUT_ENCODER
 from gantryctl.engineering.comparison.stale_days import CHAIN_DAYS, MOVES, Day, chain_of_days
 from gantryctl.engineering.comparison.variants import Variant, without_load_encoder
-from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.report.text import TextTable, figure
 from gantryctl.machine import Machine, config_hash
 from gantryctl.program.monitors.calibration_watch import Finding
 from gantryctl.units import deg
@@ -197,7 +197,8 @@ def _found(use: DaysInUse) -> str:
 
 def _seen(name: str, finding: Finding) -> str:
     if name in _TORQUES:
-        return f"{name} {finding.measured / 1e3:.1f} of {finding.bound / 1e3:.1f} kN m"
+        measured, bound = (figure(torque / 1e3, 1) for torque in finding)
+        return f"{name} {measured} of {bound} kN m"
     return f"{name.replace('_', ' ')} {deg(finding.measured):.4f} of {deg(finding.bound):.4f} deg"
 
 

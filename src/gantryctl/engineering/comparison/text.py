@@ -5,7 +5,7 @@ from __future__ import annotations
 from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
 from gantryctl.engineering.comparison.report import CompareReport
 from gantryctl.engineering.identification.text import truth_table
-from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.report.text import TextTable, decimals
 
 
 def tables(report: CompareReport) -> list[TextTable]:
@@ -38,8 +38,12 @@ def notes(report: CompareReport) -> list[str]:
 
 def _rows(report: CompareReport) -> TextTable:
     shown = {name: figure for name, figure in KEY_FIGURES.items() if figure.head}
+    places = {
+        name: decimals([getattr(row, name) for _, row in report.rows], figure.digits)
+        for name, figure in shown.items()
+    }
     rows = tuple(
-        (row_name, *(f"{getattr(row, name):.{figure.digits}f}" for name, figure in shown.items()))
+        (row_name, *(f"{getattr(row, name):.{digits}f}" for name, digits in places.items()))
         for row_name, row in report.rows
     )
     heads = ("", *(figure.head for figure in shown.values()))
@@ -47,14 +51,16 @@ def _rows(report: CompareReport) -> TextTable:
 
 
 def _profiles(report: CompareReport) -> TextTable:
+    base = decimals([row.move.base_um for row in report.profiles], 0)
     rows = [
         {
-            "": row.name,
+            "profile": row.name,
             "acceleration\ndeg/s2": f"{row.acc_deg_s2:.3f}",
             "short\ns": f"{row.move.time_s:.2f}",
-            "base\num p-p": f"{row.move.base_um:.0f}",
+            "base\num p-p": f"{row.move.base_um:.{base}f}",
             "after\num": f"{row.move.residual_um:.1f}",
             "load\ndeg/s": f"{row.move.load_error_deg_s:.4f}",
+            "": "" if row.kept else "shakes more",
         }
         for row in report.profiles
     ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 
@@ -29,6 +30,17 @@ class TextTable(NamedTuple):
 def or_dash(value: float | None, form: str) -> str:
     """A figure in a format, or a dash where it does not exist."""
     return "-" if value is None else format(value, form)
+
+
+def decimals(values: Sequence[float], least: int) -> int:
+    """Decimals of a column: two digits of its largest value, of a small machine too."""
+    largest = max(map(abs, values), default=0.0)
+    return max(least, 1 - math.floor(math.log10(largest))) if largest > 0.0 else least
+
+
+def figure(value: float, least: int) -> str:
+    """A figure that stands alone, with its own decimals."""
+    return f"{value:.{decimals((value,), least)}f}"
 
 
 def duration(seconds: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.report.text import TextTable, decimals, figure
 from gantryctl.engineering.sizing import equations as eq
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
 from gantryctl.engineering.sizing.loading import is_reference_sheet
@@ -46,11 +46,14 @@ def complete_table(fitted: Fit) -> TextTable:
     """The complete torque by parts: the sizing case and a normal move."""
     train = fitted.train
     sizing, normal = train.parts(train.sizing_acc_rad_s2), train.parts(train.normal_acc_rad_s2)
-    rows: list[tuple[str, ...]] = [
-        (a.name, f"{a.torque_nm:.1f}", f"{b.torque_nm:.1f}") for a, b in zip(sizing, normal, strict=True)
-    ]
     accs = (train.sizing_acc_rad_s2, train.normal_acc_rad_s2)
-    rows.append(("together", *(f"{train.largest_nm(acc):.1f}" for acc in accs)))
+    together = [train.largest_nm(acc) for acc in accs]
+    places = decimals(together, 1)
+    rows: list[tuple[str, ...]] = [
+        (a.name, f"{a.torque_nm:.{places}f}", f"{b.torque_nm:.{places}f}")
+        for a, b in zip(sizing, normal, strict=True)
+    ]
+    rows.append(("together", *(f"{torque:.{places}f}" for torque in together)))
     rows.append(
         ("efficiency of the transmission, %", *(f"{100.0 * train.efficiency(acc):.0f}" for acc in accs))
     )
@@ -62,7 +65,16 @@ def angle_table(fitted: Fit) -> TextTable:
     """The eccentric moment over the angle."""
     heads = ("angle, deg", "moment\nkN m", "hold\nN m", "turn out\nN m", "turn back\nN m", "normal acc\nN m")
     found = over_angle(fitted.train)
-    rows = tuple((f"{angle:g}", *(f"{torque:.1f}" for torque in torques)) for angle, *torques in found)
+    moment = decimals([row.against_knm for row in found], 1)
+    motor = decimals([torque for row in found for torque in row[2:]], 1)
+    rows = tuple(
+        (
+            f"{row.angle_deg:g}",
+            f"{row.against_knm:.{moment}f}",
+            *(f"{torque:.{motor}f}" for torque in row[2:]),
+        )
+        for row in found
+    )
     return TextTable("Over the angle: eccentric moment and motor torque", (*heads, "sizing acc\nN m"), rows)
 
 
@@ -81,7 +93,7 @@ def _day_rows(fitted: Fit) -> Rows:
         ("one cycle: moving; whole", f"{day.moving_s:.0f} s; {day.cycle_s:.0f} s"),
         (
             "r.m.s. torque: of a cycle; of the day",
-            f"{day.cycle_rms_nm:.1f} N m; {day.day_rms_nm:.1f} N m",
+            f"{figure(day.cycle_rms_nm, 1)} N m; {figure(day.day_rms_nm, 1)} N m",
         ),
     )
 
@@ -93,7 +105,7 @@ def _reducer_rows(fitted: Fit) -> Rows:
     reducer = tuple(
         (
             f"reducer, {name}: rigid; swinging after a step",
-            f"{train.reducer_nm(acc) / 1e3:.1f} kN m; {train.reducer_nm(acc, 2.0) / 1e3:.1f} kN m",
+            f"{figure(train.reducer_nm(acc) / 1e3, 1)} kN m; {figure(train.reducer_nm(acc, 2.0) / 1e3, 1)} kN m",
         )
         for name, acc in cases.items()
     )
@@ -101,7 +113,7 @@ def _reducer_rows(fitted: Fit) -> Rows:
     usable = usable_torque_nm(train.sheet, fitted.motor)
     return (
         *reducer,
-        ("reducer, given: rated; momentary", f"{rated:.1f} kN m; {momentary:.1f} kN m"),
+        ("reducer, given: rated; momentary", f"{figure(rated, 1)} kN m; {figure(momentary, 1)} kN m"),
         (
             "highest torque: motor; behind this reducer",
             f"{fitted.motor.motor.torque_max_nm:g} N m; {usable:g} N m",
@@ -117,8 +129,11 @@ def _holding_rows(fitted: Fit) -> Rows:
     wrap = wrap_margin_deg(train.sheet, motor)
     reserve = f", {motor.brake.torque_nm / train.hold_nm:.1f} times" if train.hold_nm else ""
     return (
-        ("quick stop, at least", f"{deg(train.quick_dec_rad_s2):.2f} deg/s2, {train.quick_stop_nm:.0f} N m"),
-        ("holding: needed; brake", f"{train.hold_nm:.1f} N m; {motor.brake.torque_nm:g} N m{reserve}"),
+        (
+            "quick stop, at least",
+            f"{deg(train.quick_dec_rad_s2):.2f} deg/s2, {_whole(train.quick_stop_nm)} N m",
+        ),
+        ("holding: needed; brake", f"{figure(train.hold_nm, 1)} N m; {motor.brake.torque_nm:g} N m{reserve}"),
         ("encoder range; wrap beyond travel", f"{turns:.2f} turns of the axis; {wrap:.1f} deg each side"),
         ("encoder step at the axis; interpolated", f"{step:.3g} deg; {fine:.2g} deg"),
     )
@@ -126,13 +141,15 @@ def _holding_rows(fitted: Fit) -> Rows:
 
 def _energy_rows(fitted: Fit) -> Rows:
     day, efficiency = fitted.duty, fitted.motor.motor.efficiency
-    back = f"{efficiency * day.returned_j / 1e3:.1f} kJ; {efficiency * day.returned_mean_w:.0f} W"
+    back = (
+        f"{figure(efficiency * day.returned_j / 1e3, 1)} kJ; {figure(efficiency * day.returned_mean_w, 0)} W"
+    )
     return (
-        ("energy of motion at the highest speed", f"{fitted.train.kinetic_energy_j / 1e3:.1f} kJ"),
+        ("energy of motion at the highest speed", f"{figure(fitted.train.kinetic_energy_j / 1e3, 1)} kJ"),
         ("regeneration, electrical: per cycle; mean of the day", back),
         (
             "regeneration, largest: braking as in the sizing case",
-            f"{efficiency * fitted.train.braking_power_w / 1e3:.1f} kW",
+            f"{figure(efficiency * fitted.train.braking_power_w / 1e3, 1)} kW",
         ),
     )
 
@@ -206,8 +223,8 @@ def _reducer(shown: Fit) -> list[str]:
     swinging = train.reducer_nm(train.sizing_acc_rad_s2, 2.0)
     if swinging > gears.torque_momentary_nm:
         found.append(
-            f"As a step the sizing acceleration would swing the reducer up to {swinging / 1e3:.0f} kN m, above its "
-            f"momentary {gears.torque_momentary_nm / 1e3:.1f} kN m: it needs a jerk limit. The reducer and the base "
+            f"As a step the sizing acceleration would swing the reducer up to {figure(swinging / 1e3, 0)} kN m, above its "
+            f"momentary {figure(gears.torque_momentary_nm / 1e3, 1)} kN m: it needs a jerk limit. The reducer and the base "
             "are the limit, not the motor."
         )
     usable = usable_torque_nm(train.sheet, shown.motor)

@@ -98,8 +98,8 @@ def check_quick_stop(machine: Machine, *, propose: bool = False) -> StopResult:
     if stop.torque_reducer_nm > machine.reducer.torque_momentary_nm:
         problems.append(
             f"{where}: the reducer cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
-            f"eccentric moment{heavier} puts {stop.torque_reducer_nm / 1e3:.1f} kN m on it, [reducer] "
-            f"torque_momentary_nm = {machine.reducer.torque_momentary_nm / 1e3:.1f} kN m; {way_out}"
+            f"eccentric moment{heavier} puts {stop.torque_reducer_nm / 1e3:.4g} kN m on it, [reducer] "
+            f"torque_momentary_nm = {machine.reducer.torque_momentary_nm / 1e3:.4g} kN m; {way_out}"
         )
     # Rounded up to the hundredth: a limit is never met by rounding.
     angle = math.ceil((stop.angle_deg + speed * REACTION_S) * 100.0) / 100.0

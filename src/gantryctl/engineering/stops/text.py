@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from gantryctl.engineering.report.origin import Origin
-from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.report.text import TextTable, decimals
 from gantryctl.engineering.stops.certify import QuickStops
 from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.measured import MeasuredStops
@@ -29,16 +29,10 @@ Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): in
 def stops_text(rows: Sequence[StopRow]) -> TextTable:
     """One row per stop; the first and the last column are words."""
     stops = [row.stop for row in rows]
-    motor = _decimals([stop.torque_motor_nm for stop in stops], 0)
-    reducer = _decimals([stop.torque_reducer_nm / 1e3 for stop in stops], 1)
-    energy = _decimals([max(stop.brake_energy_kj, stop.motor_energy_kj) for stop in stops], 1)
+    motor = decimals([stop.torque_motor_nm for stop in stops], 0)
+    reducer = decimals([stop.torque_reducer_nm / 1e3 for stop in stops], 1)
+    energy = decimals([max(stop.brake_energy_kj, stop.motor_energy_kj) for stop in stops], 1)
     return TextTable.of("", [_row(row, motor, reducer, energy) for row in rows])._replace(left=(0, 12))
-
-
-def _decimals(values: Sequence[float], least: int) -> int:
-    """Decimals of a column: two digits of its largest value, of a small machine too."""
-    largest = max(values, default=0.0)
-    return max(least, 1 - math.floor(math.log10(largest))) if largest > 0.0 else least
 
 
 def _row(row: StopRow, motor: int, reducer: int, energy: int) -> dict[str, str]:
@@ -76,9 +70,9 @@ def certificate_lines(machine: Machine, found: QuickStops) -> list[str]:
         f"not identified: certified {certified.dec_deg_s2:.4g} deg/s2, from at most {certified.speed_deg_s:.4g} deg/s "
         f"within the permitted {machine.required.stopping_angle_deg:g} deg",
         f"  over {widths} ([plant.uncertainty]), {moment / 1e3:g} kN m",
-        f"  {certified.plants} plants, {certified.stops} stops; largest at the motor {worst.torque_motor_nm:.0f} of "
+        f"  {certified.plants} plants, {certified.stops} stops; largest at the motor {worst.torque_motor_nm:.4g} of "
         f"{motor.torque_max_nm:g} N m ({certified.hardest_motor.text})",
-        f"  at the reducer {worst.torque_reducer_nm / 1e3:.1f} of {reducer.torque_momentary_nm / 1e3:g} kN m "
+        f"  at the reducer {worst.torque_reducer_nm / 1e3:.4g} of {reducer.torque_momentary_nm / 1e3:g} kN m "
         f"({certified.hardest_reducer.text})",
     ]
     if found.inertia_alone is not None:

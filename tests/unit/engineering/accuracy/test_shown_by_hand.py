@@ -80,7 +80,9 @@ def test_a_budget_for_a_program() -> None:
     assert budget_data(None) is None
 
 
-SPEED_RUN = SpeedRun(6.0, Direction.CCW, (-90.0, 90.0), 5.998, 0.018, 0.02, Requirement(0.01, "m"), motor_judged=False)
+SPEED_RUN = SpeedRun(
+    6.0, Direction.CCW, (-90.0, 90.0), 5.998, 0.018, 0.02, Requirement(0.01, "m"), motor_judged=False
+)
 
 
 def required_rows(run: SpeedRun) -> list[tuple[str, ...]]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.batch.loop import Log
-from gantryctl.engineering.comparison import key_figures
-from gantryctl.machine import default_machine, with_values
+from gantryctl.engineering.comparison import key_figures, profiles, text
+from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 
 
 def test_the_figures_of_a_move() -> None:
@@ -67,3 +68,43 @@ def test_the_largest_chord_is_also_that_which_an_instrument_would_have_shown(
     assert found.largest_angle_deg == 0.0
     # The largest of tens of readings of two points each: beyond one standard deviation, not beyond ten.
     assert one_deg < found.largest_chord_deg < 10.0 * one_deg
+
+
+@pytest.mark.parametrize(
+    ("name", "wind_um", "base_um", "acc_deg_s2", "kept"),
+    [
+        # A base that moves by 10 um for 1 deg/s2.
+        ("rotary_table", 0.0, 240.0, 24.0, True),
+        # Nothing binds but the quick stop, beyond which the rules of a machine let no normal ramp.
+        ("rotary_table", 0.0, 2400.0, 97.06, True),
+        # In a wind that moves it by 48 um no acceleration keeps 39 um.
+        ("azimuth_dish", 48.0, 39.0, 0.02 * 1.168, False),
+    ],
+)
+def test_profiles_are_searched_between_nothing_and_the_quick_stop_of_their_axis(
+    monkeypatch: pytest.MonkeyPatch, name: str, wind_um: float, base_um: float, acc_deg_s2: float, kept: bool
+) -> None:
+    """Twelve halvings of a factor of 50 find an acceleration to 0.1 %."""
+    machine = load_machine(configs_folder() / f"{name}.toml")
+
+    def moved(moves: list[key_figures.Move]) -> list[key_figures.MoveFigures]:
+        # Each is a machine that its rules let pass.
+        accs = [move.machine.virtual_axis.acc_deg_s2 for move in moves]
+        return [key_figures.MoveFigures(1.0, 0.0, 0.0, max(wind_um, 10.0 * acc), *4 * [0.0]) for acc in accs]
+
+    monkeypatch.setattr(profiles, "moves_figures", moved)
+    for row in profiles.profiles_at_equal_base_motion(machine, machine, base_um):
+        assert row.acc_deg_s2 == pytest.approx(acc_deg_s2, rel=2e-3)
+        assert row.kept is kept
+
+
+def test_a_small_axis_has_figures_and_no_zeros_in_the_table_of_the_rows() -> None:
+    """0.0106 kN m and 0.44 um; a column of a large axis has the digits that it always had."""
+    small = key_figures.KeyFigures._make(1.0 for _ in key_figures.KEY_FIGURES)
+    small = small._replace(reducer_knm=0.0106, base_um=0.44)
+    report: Any = SimpleNamespace(first="a", second="b", rows=(("one", small), ("two", small)))
+    table = text._rows(report)
+    cells = dict(zip(table.heads, table.rows[0], strict=True))
+    assert cells["reducer\nkN m"] == "0.011"
+    assert cells["base\num p-p"] == "0.44"
+    assert cells["A true\nproc. A"] == "1.0000"

@@ -102,6 +102,8 @@ def test_a_report_has_what_came_closest_to_its_bound_and_every_chain_that_warned
     assert data["controls"]["without the load encoder"]["found_after_moves"] == {}
     cells = stale_report.stale_table(changed).rows[1]
     assert "moment after 2 to 2 moves, 2 times" in cells
+    # 12 of 100 N m: a small axis reads more than 0.0 of 0.1.
+    assert "moment 0.012 of 0.10 kN m" in cells
     monkeypatch.setattr(stale_report, "chain_of_days", lambda *_: [stale_days.Day({"backlash": 9}, {})])
     assert not stale_report.stale_report(machine, 1).passed
 

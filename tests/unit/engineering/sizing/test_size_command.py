@@ -60,6 +60,19 @@ def test_the_complete_figures_and_the_motors(printed):
     assert [row["angle_deg"] for row in printed["over_angle"]] == [0.0, 45.0, 90.0, 135.0, 180.0]
 
 
+def test_a_small_axis_has_figures_and_no_zeros():
+    """50 kg m2 behind 180 to 10 r/min in 1.25 s: 50 x 0.83776 / 180 = 0.2327 N m, half of it in a normal move; a moment
+    of 6.25 N m / 180 = 0.0347; of motion 25 x 1.0472^2 + 0.5 x 1.45e-4 x 188.5^2 = 30.0 J; a reducer of 14.1 N m.
+    """
+    sheet = configs_folder() / "requirements" / "rotary_table.toml"
+    lines = run(sheet, "--motor", MOTORS / "pm_200w_3000.toml").output.splitlines()
+    cells = {" ".join(line.split()[:-2]): line.split()[-2:] for line in lines if len(line.split()) > 2}
+    assert cells["load inertia alone"] == ["0.23", "0.12"]
+    assert cells["largest eccentric moment"] == ["0.03", "0.03"]
+    assert cells["energy of motion at the highest speed"] == ["0.030", "kJ"]
+    assert any(line.endswith(" 0.014 kN m; 0.056 kN m") for line in lines)
+
+
 def test_motors_as_the_shell_expands_them():
     names = sorted(MOTORS.glob("im_*.toml"))
     words = run("--motor", *names).output
