@@ -9,7 +9,7 @@ from functools import reduce
 from operator import or_
 from typing import Final, NamedTuple
 
-from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
+from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.results import (
     Context,
     Figure,
@@ -216,6 +216,9 @@ def sync(c: Context) -> StepResult:
     with open_loop_axis(c, _LEASH_DEG) as axis:
         axis.run(_WATCH_S, DriveRequest.DISABLE)
         answers = sorted(axis.drive.process.answer_times_s)
+        if (begun := axis.feedback.state) is not DriveState.SWITCH_ON_DISABLED:
+            proof = f"the drive is in {state_name(begun)}: no command shows a dead time"
+            return failed("sync", proof, "find the cause, reset the drive, then go on")
         dead = 0
         while axis.feedback.state is DriveState.SWITCH_ON_DISABLED and dead < 100:
             axis.scan(DriveRequest.ENABLE)

@@ -314,7 +314,8 @@ _LEAST: Final = 1.5
 def bands(c: Context) -> StepResult:
     """Propose bands of twice the measured errors, beside those of the machine file."""
     # Errors at rest come from `loop`, those at speed from `turn`.
-    if not {"loop", "turn"} <= set(c.results):
+    shown = {key for key, result in c.results.items() if result.outcome is Outcome.PASSED}
+    if not {"loop", "turn"} <= shown:
         return failed("bands", "nothing to propose from", "run the steps loop and turn first")
     rest, turn = c.results["loop"].number("rest_error_deg"), c.results["turn"]
     seen, speed = turn.number("following_error_deg"), turn.number("speed_deg_s")

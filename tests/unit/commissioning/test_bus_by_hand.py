@@ -15,7 +15,7 @@ from gantryctl.commissioning import steps_bus
 from gantryctl.commissioning.results import Outcome
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
-from gantryctl.image import DriveRequest
+from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import Machine, with_values
 from gantryctl.operation.home_reference import AbsoluteReading, RestVerdict
 from unit.commissioning.hand_drive import MACHINE, HandDrive, context, enabled, opens
@@ -106,6 +106,16 @@ def test_a_drive_that_is_never_enabled_is_waited_for_a_hundred_scans(monkeypatch
     drive.process.answer_times_s = [0.001]
     found = judged(monkeypatch, "sync", drive)
     assert (found.outcome, found.number("dead_scans")) == (Outcome.FAILED, 100.0)
+
+
+def test_a_drive_that_is_not_off_shows_no_dead_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive in its fault has left Switch on disabled before any command: 0 scans would be a proof of nothing."""
+    drive = bus_drive(0, 0)
+    drive.spoil = lambda seen: seen._replace(state=DriveState.FAULT)
+    drive.process.answer_times_s = [0.001]
+    found = judged(monkeypatch, "sync", drive)
+    assert (found.outcome, found.figures) == (Outcome.FAILED, {})
+    assert "the drive is in fault" in found.proof
 
 
 @pytest.mark.parametrize(("received", "missed", "part"), [(0, 0, 0.0), (0, 1, 1.0), (1, 1, 0.5)])

@@ -96,6 +96,18 @@ def test_bands_have_half_as_much_again(rest: float, following: float, passes: bo
     assert steps_motion.bands(context(loop=results["loop"])).outcome is Outcome.FAILED
 
 
+@pytest.mark.parametrize("step", ["loop", "turn"])
+def test_bands_are_not_proposed_from_a_step_that_has_failed(step: str) -> None:
+    """It may have measured something, or nothing at all."""
+    figures = {"rest_error_deg": Figure(0.0), "following_error_deg": Figure(0.0), "speed_deg_s": Figure(3.0)}
+    results = {key: StepResult(key, Outcome.PASSED, "", figures) for key in ("loop", "turn")}
+    assert steps_motion.bands(context(**results)).outcome is Outcome.PASSED
+    for measured in (figures, {}):
+        results[step] = StepResult(step, Outcome.FAILED, "", measured)
+        found = steps_motion.bands(context(**results))
+        assert (found.outcome, found.to_do) == (Outcome.FAILED, "run the steps loop and turn first")
+
+
 def test_a_stop_is_held_against_the_computed_one_and_60_ms() -> None:
     figures: dict[str, Figure] = {}
     steps_motion._add(context(), figures, "quick stop", 3.0, 1.0, 0.833)

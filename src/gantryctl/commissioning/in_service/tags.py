@@ -19,9 +19,7 @@ from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.tags import BY_NAME
 
 
-def fast_tags(
-    machine: Machine, seen: Seen | None, *, moves: bool, holds_load: bool
-) -> dict[str, float]:
+def fast_tags(machine: Machine, seen: Seen | None, *, moves: bool, holds_load: bool) -> dict[str, float]:
     """The 20 Hz tags.
 
     Args:

@@ -30,7 +30,13 @@ from gantryctl.drives.canopen.cia402 import (
 from gantryctl.drives.canopen.nodes.neighbours import Neighbours
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
-from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, open_node, write_restart_marker
+from gantryctl.drives.canopen.setup.opening import (
+    RESTART_MARKERS,
+    NodeSetup,
+    open_node,
+    refuse_a_running_drive,
+    write_restart_marker,
+)
 from gantryctl.drives.canopen.setup.parameter_watch import ParameterWatch
 from gantryctl.drives.canopen.stop_by_sdo import StopBySdo
 from gantryctl.drives.canopen.supervision import Supervision
@@ -140,7 +146,7 @@ class CanopenDrive:
         self._supervision = Supervision(node, self.process, self.requests, settings)
         self._brake, self._controlword = BrakeControl(settings), DISABLE_VOLTAGE
         self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
-        self._flags, self._enabling, self._torque_kept = LinkFlag.NONE, 0, 0
+        self._flags, self._enabling, self._torque_kept, self._in_fault = LinkFlag.NONE, 0, 0, True
         node.state = None
         node.forget_boots()
         node.emergencies.code = opened.error_code
@@ -165,6 +171,9 @@ class CanopenDrive:
         # 0012).
         node = self.node
         node.drain()
+        node.enter_pre_operational()
+        # Its own watch is all that stops a drive that still has torque.
+        refuse_a_running_drive(node)
         self._take_the_watch_off()
         key = node.identity().key
         if key != self.opened.identity.key:
@@ -276,7 +285,7 @@ class CanopenDrive:
         if not self.commanded:
             self._synced_s = self.link.now_s()
             self.commanded = True
-            self.node.forget_boots()
+            self.node.forget_foreign()
             self._supervision.begin()
         state, lost = self._last.state, bool(self._flags & LOST)
         forbidden = self.refusals or lost
@@ -305,7 +314,7 @@ class CanopenDrive:
             self.process.send(word, vel, torque, outputs)
             # A fault without EMCY, and without 603F in a telegram, is completed by an SDO read of 603F (decision
             # 0012).
-            unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
+            unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.fault_code)
             self.parameter_watch.scan(self._passed, unknown)
             if not lost:
                 self._supervision.ask(state in TURNING or request is DriveRequest.ENABLE)
@@ -369,7 +378,7 @@ class CanopenDrive:
         inputs = self.beside.read_inputs(process.input_word, keep=state in ENERGISED)
         brake = self.beside.brake_contact()
         brake_open = self._brake.is_open(state, brake)
-        code = process.error_code or self.node.emergencies.code or self.parameter_watch.error_code
+        code = self._fault_code(state)
         return DriveFeedback(
             state,
             process.position,
@@ -379,7 +388,7 @@ class CanopenDrive:
             bool(status & INTERNAL_LIMIT) and state in ENERGISED,
             0.0,
             process.encoder_flags,
-            code if state in _IN_FAULT else self._supervision.complaint,
+            code if self._in_fault else self._supervision.complaint,
             bool(status & WARNING),
             process.age,
             inputs,
@@ -391,6 +400,20 @@ class CanopenDrive:
             brake_contact=brake is not None,
             spread_scans=self._spread_scans,
             foreign_id=self.node.foreign_id,
+        )
+
+    def _fault_code(self, state: DriveState) -> int:
+        """Error code of a fault: by telegram, by EMCY, by SDO; a warning only where there is nothing else."""
+        emergencies = self.node.emergencies
+        # Not every drive tells by EMCY that an error is over: it explains no later fault.
+        if self._in_fault and state not in _IN_FAULT:
+            emergencies.code = 0
+        self._in_fault = state in _IN_FAULT
+        return (
+            self.process.error_code
+            or emergencies.fault_code
+            or self.parameter_watch.error_code
+            or emergencies.code
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:

@@ -76,11 +76,17 @@ class EmergencyLog:
     Attributes:
         code: of the last message; 0 after "error reset".
         count: messages since the start.
+        complaints: of these, what stops the axis. complaint: error code of the last one of them.
     """
 
     def __init__(self) -> None:
         self.messages: deque[Emergency] = deque(maxlen=HISTORY)
-        self.code = self.count = 0
+        self.code = self.count = self.complaints = self.complaint = 0
+
+    @property
+    def fault_code(self) -> int:
+        """Code that explains a fault; a warning does not."""
+        return self.code if stops(self.code) else 0
 
     def take(self, data: bytes, scan: int) -> None:
         """Take one frame; some drives send fewer than the eight bytes of CiA 301, two carry the code."""
@@ -89,6 +95,9 @@ class EmergencyLog:
         self.count += 1
         code = int.from_bytes(data[:2], "little")
         self.code = code
+        if stops(code):
+            self.complaints += 1
+            self.complaint = code
         # A flood of one code in one scan is one line.
         last = self.messages[-1] if self.messages else None
         if last is None or (last.code, last.scan) != (code, scan):

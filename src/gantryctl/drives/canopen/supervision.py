@@ -9,7 +9,6 @@ from gantryctl.drives.canopen.bus.link import BusLink
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.bus.requests import SdoRequests
 from gantryctl.drives.canopen.cia402 import REMOTE
-from gantryctl.drives.canopen.emergency import stops
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.drives.canopen.setup.parameter_check import CSV
@@ -81,8 +80,9 @@ class Supervision:
         self._remote_bit = settings.remote_bit
         self._scan = self._load_until = self._ask_at = self._jitters = self._local = 0
         self._bits = self._link.traffic.bits
-        self._emergencies = self._window_count = node.emergencies.count
+        self._complaints, self._window_count = node.emergencies.complaints, node.emergencies.count
         self._window_until = 0
+        self._told_until = 0
         self._complaint_at: int | None = None
         self._contradicted_at: deque[int] = deque(maxlen=_CONTRADICTIONS)
         self._contradicted = process.contradicted
@@ -118,8 +118,8 @@ class Supervision:
         self._scan = scan
         flags = self._traffic(scan)
         emergencies = self._node.emergencies
-        if emergencies.count != self._emergencies or self._complaint_at is not None:
-            flags |= self._complaints(scan, state)
+        if emergencies.complaints != self._complaints or self._complaint_at is not None:
+            flags |= self._unexplained(scan, state)
         if self._window_count + _EMERGENCIES_MAX < emergencies.count:
             flags |= LinkFlag.EMERGENCY_FLOOD
         if self._remote_bit and not status & REMOTE:
@@ -195,17 +195,21 @@ class Supervision:
 
     # --- complaints -------------------------------------------------------------------------------------------------
 
-    def _complaints(self, scan: int, state: DriveState) -> LinkFlag:
+    def _unexplained(self, scan: int, state: DriveState) -> LinkFlag:
         """EMERGENCY for a message that no fault state explains, for a second."""
         emergencies = self._node.emergencies
-        if emergencies.count != self._emergencies:
-            self._emergencies = emergencies.count
-            if stops(emergencies.code) and state in _WORKING:
-                self._complaint_at, self.complaint = scan, emergencies.code
+        if emergencies.complaints != self._complaints:
+            self._complaints = emergencies.complaints
+            if state in _WORKING:
+                # The time for a fault state to show runs from the first of several.
+                if self._complaint_at is None:
+                    self._complaint_at = scan
+                self.complaint = emergencies.complaint
+                self._told_until = scan + self._complaint_scans + self._told_scans
         at = self._complaint_at
         if at is None:
             return LinkFlag.NONE
-        if state in _IN_FAULT or scan - at > self._complaint_scans + self._told_scans:
+        if state in _IN_FAULT or scan > self._told_until:
             self._complaint_at, self.complaint = None, 0
             return LinkFlag.NONE
         return LinkFlag.EMERGENCY if scan - at >= self._complaint_scans else LinkFlag.NONE

@@ -423,9 +423,9 @@ def test_another_master_is_noticed() -> None:
 
 
 def test_what_was_on_the_bus_before_the_first_command_is_no_failure_of_the_run() -> None:
-    """Tools that read the drive, its boot-up, and heartbeats that nobody heard: the set-up has judged them."""
+    """Tools that read the drive, and heartbeats that nobody heard."""
     bench = Bench().open()
-    for can_id, data in ((0x080, b""), (0x000, bytes((0x01, 2))), (0x702, b"\x00"), (0x702, b"\x05")):
+    for can_id, data in ((0x080, b""), (0x000, bytes((0x01, 2))), (0x702, b"\x05")):
         bench.drive.node.dispatch(Frame(can_id, data))
     bench.drive.node.heartbeat_age = 1000
     for _ in range(3):
@@ -433,6 +433,24 @@ def test_what_was_on_the_bus_before_the_first_command_is_no_failure_of_the_run()
     seen = bench.scan(DriveRequest.DISABLE)
     assert (seen.link, seen.foreign_id) == (LinkFlag.NONE, -1)
     assert bench.run(0.4).link == LinkFlag.NONE
+    bench.drive.close()
+
+
+def test_a_drive_that_boots_between_set_up_and_first_command_is_told() -> None:
+    """It has lost its mapping and its watch of the controller since."""
+    bench = Bench().open()
+    bench.drive.node.dispatch(Frame(0x702, b"\x00"))
+    assert bench.scan(DriveRequest.DISABLE).link == LinkFlag.RESTARTED
+    bench.drive.close()
+
+
+def test_a_drive_that_still_has_torque_keeps_its_watch_when_it_is_to_be_set_up_again() -> None:
+    """1016 is all that stops it, once nobody speaks: node 127 and 150 ms, as the set-up wrote it."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    with pytest.raises(DeviceError, match=r"already|ramps down"):
+        bench.drive.set_up_again()
+    assert bench.drive.node.sdo.number(0x1016, 1) == 0x007F_0096
     bench.drive.close()
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from gantryctl.drives.canopen.decoding.decoder import DecodedFrame, FrameDecoder, Kind
 from gantryctl.drives.canopen.decoding.objects import object_value
+from gantryctl.drives.canopen.settings import LoadEncoderSettings
 from gantryctl.drives.od.standard import STANDARD
 from gantryctl.machine import configs_folder, load_machine
 from gantryctl.trace.frames.ring import BusFrame
@@ -120,6 +123,17 @@ def test_the_machine_file_completes_what_a_log_does_not_tell() -> None:
     assert "= 1000 (257.00 N m)" in str(decode(decoder, 0x582, "4b776000e8030000"))
     decode(decoder, 0x582, "43766000e0930400")  # 300 N m
     assert "= 1000 (300.00 N m)" in str(decode(decoder, 0x582, "4b776000e8030000"))
+
+
+def test_the_ring_counts_in_steps_of_its_own_encoder() -> None:
+    """A quarter of 2^20 steps; the motor's turn has 2^19 increments, which say nothing of the ring."""
+    motor = canopen_settings(load_machine(configs_folder() / "hust_can.toml"))
+    data = "43e4600100000400"
+    for source, text in ((None, "= 262144 (0.2500000 turns of the axis)"), (4, "= 262144")):
+        ring = LoadEncoderSettings(source, 1 << 20, 0, inverted=False)
+        decoder = FrameDecoder(replace(motor, load_encoder=ring))
+        assert str(decode(decoder, 0x582, data)).endswith(text)
+    assert str(decode(FrameDecoder(motor), 0x582, data)).endswith("= 262144")
 
 
 def test_an_eds_tells_the_telegrams_of_a_log_that_begins_later() -> None:

@@ -68,6 +68,23 @@ def test_each_node_that_is_not_heard_has_a_flag_of_its_own(heard: tuple[int, ...
     assert beside.flags(commanded=True) == flags
 
 
+@pytest.mark.parametrize(
+    ("trouble", "lost"),
+    [
+        (LinkFlag.NONE, False),
+        (LinkFlag.ERROR_PASSIVE, False),
+        (LinkFlag.BUS_OFF | LinkFlag.ERROR_PASSIVE, True),
+    ],
+)
+def test_a_node_that_is_heard_is_not_lost_by_a_warning_of_the_bus(trouble: LinkFlag, lost: bool) -> None:
+    """Error passive is a warning; a bus controller that is bus-off hears nobody."""
+    beside = neighbours(io=IoNodeSettings(3, CONTACTS, OutputBits()))
+    beside.nodes[0].watch.data = b"\0"
+    link = beside.nodes[0].remote.link
+    link.trouble, link.down = trouble, bool(trouble & LinkFlag.BUS_OFF)  # type: ignore[misc]
+    assert beside.flags(commanded=True) == (LinkFlag.IO_LOST if lost else LinkFlag.NONE)
+
+
 @pytest.mark.parametrize(("deadline_ms", "limit_s"), [(50, 0.05), (0, 0.15), (100, 0.15), (None, 0.15)])
 def test_outputs_fall_after_the_deadline_that_the_node_has_or_the_heartbeat(
     deadline_ms: int | None, limit_s: float

@@ -56,12 +56,47 @@ def deaf(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
 # --- faults and losses ------------------------------------------------------------------------------------------------
 
 
-def test_a_set_up_brings_the_fault_code_of_the_drive_and_no_older_one() -> None:
+def test_a_set_up_brings_the_fault_code_of_the_drive_and_no_older_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     bench = Bench().open()
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x08)
     for code in (0x7305, 0):
         bench.drive.node.emergencies.code = 0x2310
         bench.drive._set_up(bench.drive.opened._replace(error_code=code), None)
         assert bench.drive.node.emergencies.code == code
+
+
+def test_the_code_of_a_fault_that_is_over_explains_no_later_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some drives send no "error reset" (EMCY 0000), and 603F of some keeps the last error; then 603F is read again."""
+    bench = Bench().open()
+    bench.drive._set_up(bench.drive.opened._replace(error_code=0x3210), None)
+    low = [0x40]
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | low[0])
+    asked: list[tuple[int, int]] = []
+    monkeypatch.setattr(bench.drive.requests, "read", lambda index, sub, then: asked.append((index, sub)))
+    told = []
+    for state, emergency in ((0x08, ""), (0x08, "10 23 02"), (0x40, ""), (0x08, "")):
+        low[0] = state
+        if emergency:
+            bench.drive.node.emergencies.take(bytes.fromhex(emergency), 1)
+        told.append(bench.scan(R.DISABLE).error_code)
+        bench.scan(R.DISABLE)
+    assert told == [0, 0x2310, 0, 0]
+    assert asked.count((0x603F, 0)) == 2
+
+
+@pytest.mark.parametrize("register_603f", [0x2310, 0])
+def test_a_warning_explains_a_fault_only_where_603f_tells_nothing(
+    monkeypatch: pytest.MonkeyPatch, register_603f: int
+) -> None:
+    """CAN overrun (8110) some time ago, then a fault without EMCY."""
+    bench = Bench().open()
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x08)
+    bench.drive.node.emergencies.take(bytes.fromhex("10 81 10"), 1)
+    bench.scan(R.DISABLE)
+    bench.drive.parameter_watch.error_code = register_603f
+    assert bench.drive._feedback().error_code == (register_603f or 0x8110)
 
 
 @pytest.mark.parametrize(

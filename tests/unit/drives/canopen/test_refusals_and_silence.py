@@ -414,6 +414,22 @@ def surveyed(changes: dict[tuple[int, int], int | None]) -> tuple[str, ...]:
     return found.remarks
 
 
+def test_a_survey_asks_every_node_although_the_transmit_queue_is_full() -> None:
+    """The queue has room for four frames, and the bus takes one in 1 ms: 125 kbit/s."""
+    wire, asked, sent_s = Wire(), list[int](), list[float]()
+
+    def send(can_id: int, data: bytes) -> bool:
+        full = len([at for at in sent_s if at > wire.time_s]) >= 4
+        if not full:
+            sent_s.append(max([wire.time_s, *sent_s[-1:]]) + 0.001)
+            asked.append(can_id)
+        return not full
+
+    wire.send = send  # type: ignore[method-assign]
+    assert survey(wire, 0.01) == ()  # type: ignore[arg-type]
+    assert asked == [0x600 + node for node in range(1, 128)]
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

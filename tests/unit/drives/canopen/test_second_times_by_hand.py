@@ -39,10 +39,33 @@ def test_a_complaint_behind_another_one_is_told_with_its_own_code_and_time() -> 
     assert [drive.scan() for _ in range(100)][-1] == LinkFlag.EMERGENCY
     drive.node.emergencies.take(bytes.fromhex("10 43 08"), 101)
     flags = [drive.scan() for _ in range(300)]
-    assert [k for k, flag in enumerate(flags) if flag] == list(range(8, 8 + 251))
+    assert [k for k, flag in enumerate(flags) if flag] == list(range(8 + 251))
     drive.node.emergencies.take(bytes.fromhex("10 43 08"), 401)
     drive.scan()
     assert drive.watch.complaint == 0x4310
+
+
+def test_a_drive_that_complains_all_the_time_is_told_30_ms_after_it_began() -> None:
+    """Every 20 ms, five scans, sooner than a fault state must show."""
+    drive, told = Watched(), []
+    drive.scan()
+    for scan in range(30):
+        if scan % 5 == 0:
+            drive.node.emergencies.take(bytes.fromhex("10 43 08"), scan)
+        told.append(LinkFlag.EMERGENCY in drive.scan())
+    assert told == [False] * 8 + [True] * 22
+
+
+@pytest.mark.parametrize("then", ["10 81 10", "00 00 00"])
+def test_a_complaint_is_told_whatever_follows_it_in_its_scan(then: str) -> None:
+    """An overrun, which is a warning, or "no error any more"."""
+    drive = Watched()
+    drive.scan()
+    for data in ("10 23 02", then):
+        drive.node.emergencies.take(bytes.fromhex(data), 1)
+    flags = [drive.scan() for _ in range(9)]
+    assert flags == [LinkFlag.NONE] * 8 + [LinkFlag.EMERGENCY]
+    assert drive.watch.complaint == 0x2310
 
 
 def test_each_full_queue_is_told_in_its_own_scan() -> None:

@@ -92,10 +92,10 @@ def settings(**changes: object) -> CanopenSettings:
 
 # 5.4 deg/s2 at the gantry are 17.16 turns/s2 of the motor, 6.5 deg/s 1239.3 r/min; 385 of 257 N m are 1498 per mille.
 WANTED = {
-    (0x60A9, 0): 0x00B5_0300, (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x60C2, 1): 4, (0x60C2, 2): -3, (0x1017, 0): 50,
-    (0x1016, 1): 0x007F_0096, (0x1400, 5): 50, (0x6007, 0): 1, (0x605E, 0): 2, (0x605A, 0): 2, (0x605B, 0): 1,
-    (0x605C, 0): 1, (0x605D, 0): 1, (0x1029, 1): 0, (0x6085, 0): 8_996_782, (0x6080, 0): 1239, (0x6072, 0): 1498,
-    (0x6076, 0): 257_000, (0x6502, 0): 0x100, (0x608F, 1): 524_288, (0x608F, 2): 1,
+    (0x60A9, 0): 0x00B5_0300, (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x1007, 0): 0, (0x60C2, 1): 4, (0x60C2, 2): -3,
+    (0x1017, 0): 50, (0x1016, 1): 0x007F_0096, (0x1400, 5): 50, (0x6007, 0): 1, (0x605E, 0): 2, (0x605A, 0): 2,
+    (0x605B, 0): 1, (0x605C, 0): 1, (0x605D, 0): 1, (0x1029, 1): 0, (0x6085, 0): 8_996_782, (0x6080, 0): 1239,
+    (0x6072, 0): 1498, (0x6076, 0): 257_000, (0x6502, 0): 0x100, (0x608F, 1): 524_288, (0x608F, 2): 1,
 }  # fmt: skip
 
 
@@ -260,10 +260,10 @@ def test_a_row_says_why_the_drive_did_not_take_its_value() -> None:
 
 
 def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:
-    """Name plate of the motor, limits of current, gear, feed, motor type, profile velocity, beside what is set."""
+    """Name plate of the motor, limits of current, gear, feed, motor type, profile velocity, polarity, what is set."""
     plate = {
         (0x6075, 0), (0x6076, 0), (0x6073, 0), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6402, 0),
-        (0x607F, 0),
+        (0x607F, 0), (0x607E, 0),
     }  # fmt: skip
     wanted_places = [p for p in wanted_of(settings(), None) if p.obj in (0x6007, 0x6080)]
     assert set(check.set_value_places(wanted_places)) == plate | {(0x6007, 0), (0x6080, 0)}
@@ -514,7 +514,8 @@ def test_a_fault_is_reset_by_an_edge_that_enables_nothing() -> None:
 
 # 16 outputs and 10 inputs; by CiA 401 and decision 0012: FFh in 6206 takes the error value, which is 0 in 6207.
 IO_OBJECTS = {
-    (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x1016, 1): 0x007F_0096, (0x1017, 0): 50, (0x1029, 1): 0, (0x1400, 5): 50,
+    (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x1007, 0): 0, (0x1016, 1): 0x007F_0096, (0x1017, 0): 50, (0x1029, 1): 0,
+    (0x1400, 5): 50,
     (0x6002, 1): 0, (0x6002, 2): 0,
     (0x6202, 1): 0, (0x6206, 1): 0xFF, (0x6207, 1): 0, (0x6202, 2): 0, (0x6206, 2): 0xFF, (0x6207, 2): 0,
 }  # fmt: skip

@@ -167,7 +167,12 @@ class RemoteNode:
 
     def forget_boots(self) -> None:
         """Clear the counters of boot-ups and foreign frames, and the heartbeat age."""
-        self.boots = self.foreign = self.heartbeat_age = 0
+        self.boots = 0
+        self.forget_foreign()
+
+    def forget_foreign(self) -> None:
+        """Clear the counter of foreign frames, and the heartbeat age."""
+        self.foreign = self.heartbeat_age = 0
         self.foreign_id = -1
 
     # --- out ---------------------------------------------------------------------------------------------------

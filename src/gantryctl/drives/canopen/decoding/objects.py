@@ -41,7 +41,8 @@ _COMMAND_BITS: Final = 0x8F
 _STATUS_BITS: Final = (
     (WARNING, "warning"), (REMOTE, "remote"), (INTERNAL_LIMIT, "internal limit"), (FOLLOWS_COMMAND, "follows command"),
 )  # fmt: skip
-_POSITIONS: Final = (0x6064, 0x607A, 0x60E4)
+_POSITIONS: Final = (0x6064, 0x607A)
+_RING: Final = 0x60E4
 _VELOCITIES: Final = (0x606C, 0x60FF, 0x60B1)
 _TORQUES: Final = (0x6071, 0x6072, 0x6074, 0x6077, 0x60B2)
 _WORDS: Final = (0x60FD, 0x60FE)
@@ -132,6 +133,9 @@ def _scaled(index: int, value: int, known: Objects, settings: CanopenSettings | 
     increments = _increments(known, settings)
     if index in _POSITIONS and increments:
         return f"{value / increments:.5f} turns"
+    ring = None if settings is None else settings.load_encoder
+    if index == _RING and ring is not None and ring.node is None:
+        return f"{value / ring.counts_per_turn:.7f} turns of the axis"
     if index in _VELOCITIES:
         unit = unit_of_word(known[0x60A9, 0]) if (0x60A9, 0) in known else None
         unit = unit or (None if settings is None else settings.told_speed_unit)

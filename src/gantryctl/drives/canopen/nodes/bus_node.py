@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
-from gantryctl.drives.canopen.bus.node import LATCHED, NmtCommand, NodeIdentity, RemoteNode, connection_flags
+from gantryctl.drives.canopen.bus.node import (
+    LATCHED,
+    LOST,
+    NmtCommand,
+    NodeIdentity,
+    RemoteNode,
+    connection_flags,
+)
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.drives.canopen.mapping import Mapping, check_mapping, write_mapping
@@ -45,6 +52,7 @@ def communication_objects(settings: CanopenSettings, watches_controller: bool) -
     return (
         NodeObject(0x1005, 0, 4, 0x80, "identifier of SYNC", mask=0x7FF),
         NodeObject(0x1006, 0, 4, round(settings.period_s * 1e6), "SYNC period, us"),
+        NodeObject(0x1007, 0, 4, 0, "telegrams count whenever they come after SYNC, us"),
         NodeObject(0x1016, 1, 4, watched, "it watches the controller's heartbeat", watches_controller),
         NodeObject(0x1017, 0, 2, round(settings.heartbeat_s * 1e3), "it shows that it lives, ms"),
         NodeObject(0x1029, 1, 1, 0, "without the controller it leaves OPERATIONAL"),
@@ -207,7 +215,8 @@ class BusNode:
             self.remote, self._flags, commanded=commanded, timeout_scans=self._timeout
         )
         old = self.watch.age >= self._old_scans or self.watch.wrong_in_row >= _WRONG_LENGTHS
-        self.lost = bool(self._flags) or old or self.watch.data is None
+        # Error passive is a warning: frames still come and go.
+        self.lost = bool(self._flags & (LOST | LATCHED)) or old or self.watch.data is None
         return self.lost
 
     @property

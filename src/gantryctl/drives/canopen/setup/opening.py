@@ -179,7 +179,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     """
     node.drain()
     identity = node.identity()
-    _refuse_a_running_drive(node)
+    refuse_a_running_drive(node)
     node.enter_pre_operational()
     settings = _profiled(node, identity, settings)
     rated = node.sdo.optional(0x6076)
@@ -255,7 +255,12 @@ def _outputs_off(node: RemoteNode, mask: int) -> None:
     node.sdo.set(0x60FE, 1, mask & SET_BRAKE)
 
 
-def _refuse_a_running_drive(node: RemoteNode) -> None:
+def refuse_a_running_drive(node: RemoteNode) -> None:
+    """Refuse a drive that has torque.
+
+    Raises:
+        DeviceError: it has.
+    """
     # Writing the mapping of an enabled drive would take it from the controller that runs it.
     state = decode_statusword(node.sdo.number(0x6041))
     if state is DriveState.FAULT_REACTION_ACTIVE:

@@ -56,6 +56,7 @@ def wanted_parameters(
         *_velocity_unit(s),
         WantedParameter(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
         WantedParameter(0x1006, 0, period_us, "SYNC period, us"),
+        WantedParameter(0x1007, 0, 0, "commands count whenever they come after SYNC: 0 sets no window, us"),
         WantedParameter(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
         WantedParameter(0x60C2, 2, exponent, "the same, power of ten of a second"),
         WantedParameter(0x1017, 0, round(s.heartbeat_s * 1e3), "the drive shows that it lives, ms"),
@@ -136,10 +137,11 @@ def set_value_places(wanted: Iterable[WantedParameter]) -> tuple[tuple[int, int]
     return (*((parameter.obj, parameter.sub) for parameter in wanted), *_PLATE)
 
 
-# Rated current and torque, limits of current, gear and feed, motor type, profile velocity: a change of one of them
-# changes what a torque or a speed on the bus means, and nothing here writes them.
+# Rated current and torque, limits of current, gear and feed, motor type, profile velocity, polarity: a change of one of
+# them changes what a torque or a speed on the bus means, and nothing here writes them.
 _PLATE: Final = (
     (0x6075, 0), (0x6076, 0), (0x6073, 0), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6402, 0), (0x607F, 0),
+    (0x607E, 0),
 )  # fmt: skip
 
 

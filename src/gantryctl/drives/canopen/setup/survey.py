@@ -21,6 +21,9 @@ _ANSWERS: Final = range(0x581, 0x600)
 _PROBE: Final = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 _NO_MASTER: Final = 0
 _SDO_S: Final = 0.3
+# A transmit queue of Linux holds ten frames unless it was made longer, and a slow bus empties it slowly.
+_QUEUE_S: Final = 0.002
+_QUEUE_TRIES: Final = 5
 _CIA_402: Final = 402
 _DANGEROUS_AT_0: Final = {
     0x6007: "6007 = 0: a silent master lets this axis run on · gantryctl writes 1 before it enables",
@@ -51,12 +54,20 @@ def survey(link: BusLink, listen_s: float = 1.2, nodes: range = range(1, 128)) -
     """Listen for heartbeats, read 1000:00 of every node id, and inspect those that answer."""
     heard: dict[int, int | None] = {}
     for node in nodes:
-        link.send(0x600 + node, _PROBE)
+        _probe(link, node, heard)
         _take(link, 0.0005, heard)
     end = link.now_s() + listen_s
     while (left := end - link.now_s()) > 1e-6:
         _take(link, left, heard)
     return tuple(_inspect(link, node, heard[node]) for node in sorted(heard))
+
+
+def _probe(link: BusLink, node: int, heard: dict[int, int | None]) -> None:
+    """Ask a node id for 1000:00; where the transmit queue is full, as soon as it has room."""
+    for _ in range(_QUEUE_TRIES):
+        if link.send(0x600 + node, _PROBE):
+            return
+        _take(link, _QUEUE_S, heard)
 
 
 def _take(link: BusLink, seconds: float, heard: dict[int, int | None]) -> None:
