@@ -32,8 +32,9 @@ class Axis:
     """The axis of one service on one connection, open from construction; a context manager.
 
     Reading needs no control; most commands do: `take` it first. Leaving switches off what was switched on here and
-    gives control back; leaving by an exception stops the axis before. When this process dies or freezes, a held key is
-    let go after `welcome.lease_ms`, control is free after 2 s, and a move that was begun ends at its target.
+    gives control back; leaving by an exception stops the axis before. Neither is done to an axis that somebody else has
+    control of by then. When this process dies or freezes, a held key is let go after `welcome.lease_ms`, control is
+    free after 2 s, and a move that was begun ends at its target.
 
     Angles are signed angles of the axis in deg, speeds deg/s.
 
@@ -54,7 +55,7 @@ class Axis:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is not None and self._controls:
+        if error is not None and self._controls and not self._is_taken:
             self._stop_quietly()
         self.close()
 
@@ -63,10 +64,11 @@ class Axis:
         try:
             # Whatever fails here, the connection ends, and with it control and every key that is held.
             with suppress(GantryctlError):
-                if self._powered:
-                    self.power_off()
-                if self._controls:
-                    self.give()
+                if not self._is_taken:
+                    if self._powered:
+                        self.power_off()
+                    if self._controls:
+                        self.give()
         finally:
             self._connection.close()
 
@@ -298,6 +300,13 @@ class Axis:
     def _choose_mode(self, mode: str) -> None:
         if self.tags.mode != mode:
             self._ask("mode", mode=mode)
+
+    @property
+    def _is_taken(self) -> bool:
+        """Whether somebody else has control, as far as is known."""
+        with suppress(DeviceError):
+            return self.tags.authority_client not in ("", self.welcome.client)
+        return False
 
     def _stop_quietly(self) -> None:
         with suppress(GantryctlError):

@@ -25,7 +25,7 @@ AT_REST: dict[str, Any] = {
     "brake_tests": 3, "brake_test_phase": "idle", "brake_test_result": "passed", "brake_test_text": "old",
     "brake_test_level_nm": 90.0, "brake_test_plus_nm": 91.0, "brake_test_minus_nm": -92.0,
     "brake_test_moved_deg": 0.01, "brake_test_limit_deg": 0.05, "brake_test_due_at": "",
-    "brake_test_cycles_left": 7, "brake_test_overdue": False,
+    "brake_test_cycles_left": 7, "brake_test_overdue": False, "epoch": 7,
 }  # fmt: skip
 
 
@@ -34,10 +34,11 @@ class Link:
 
     Attributes:
         does: tags by kind of command. asked: kinds with their values, in their order.
-        looks: tags of the looks to come, each on top of those before.
+        looks: tags of the looks to come, each on top of those before. lets_go: why the service lets a held key go.
     """
 
     client = "me"
+    lets_go = ""
 
     def __init__(self, **tags: Any) -> None:
         self.tags = {**AT_REST, **tags}
@@ -59,7 +60,12 @@ class Link:
         else:
             self.asked.append(kind)
         self.tags.update(self.does.get(kind, {}))
-        return {"journal": 100}
+        return {"journal": 100, "epoch": self.tags["epoch"]}
+
+    def hold(self, forward: bool, seconds: float, stopped: object) -> str:
+        self.asked.append("hold")
+        self.tags.update(self.does.get("hold", {}))
+        return self.lets_go
 
     def look(self) -> dict[str, Any]:
         if self.looks:
@@ -108,6 +114,45 @@ def test_a_move_that_was_stopped_is_not_done(monkeypatch: pytest.MonkeyPatch) ->
     link.when_looked = pressed
     assert axis.move(20.0).ending is Ending.STOPPED
     assert [kind for kind in link.asked if kind in ("stop", "quick_stop")] == ["stop", "quick_stop"]
+
+
+@pytest.mark.parametrize("ended_by", [{"epoch": 8}, {"power": False}])
+@pytest.mark.parametrize("command", ["move", "jog"])
+def test_what_somebody_else_has_ended_is_not_done(
+    monkeypatch: pytest.MonkeyPatch, command: str, ended_by: dict[str, Any]
+) -> None:
+    """Stop or power off from a page: the axis stands in position where it was stopped, 3 of 10 deg further."""
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    link.does[{"move": "move", "jog": "hold"}[command]] = {"at_rest": False}
+    link.looks = [{}, {}, {"pos_act_deg": 13.0, "at_rest": True, **ended_by}]
+    report = axis.move(20.0) if command == "move" else axis.jog(True, 2.0, 5.0)
+    assert (report.ending, report.end_deg) == (Ending.STOPPED, 13.0)
+
+
+def test_a_key_that_the_service_has_let_go_was_not_held_for_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link()
+    link.lets_go = "SEC-09 · the lease ran out"
+    with pytest.raises(CommandRefused, match="SEC-09 · the lease ran out"):
+        axis_of(link, monkeypatch).jog(True, 2.0, 5.0)
+
+
+def test_what_the_next_holder_does_is_not_followed_and_keeps_its_power_and_settings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The console of the machine has taken control from this command, and moves."""
+    link = Link(power=False, power_phase="off")
+    axis = axis_of(link, monkeypatch)
+    link.does |= {"power": {"power": True, "power_phase": "on"}, "move": {"at_rest": False}}
+    axis.power_up()
+    link.looks = [{}, {}, {}, {"authority_client": "other", "authority_user": "otto", "epoch": 8}]
+    with pytest.raises(CommandRefused, match="SEC-07 · otto has taken control"):
+        axis.move(20.0)
+    axis.power_down()
+    axis.close("refused")
+    assert link.asked == [
+        "take", "power", ("speed_setting_deg_s", 6.0), ("override_percent", 100.0), "move", "left"
+    ]  # fmt: skip
 
 
 def test_what_moves_is_left_alone_or_stands_before_anything_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:

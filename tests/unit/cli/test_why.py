@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gantryctl.cli.axis import why
 from gantryctl.engineering.report.last_stop import last_stop, moment_of
 from gantryctl.machine import default_machine
 from gantryctl.runtime import AlarmEntry
+from gantryctl.service.recorder.journal import reading
 from gantryctl.trace.reader import read_trace
 from support.command_line import cli, done, machine_file
 
@@ -106,3 +110,24 @@ def test_a_recording_without_that_alarm_is_not_shown_for_it() -> None:
     done("move", "1")
     folder = next(Path().absolute().parent.rglob("traces"))
     assert moment_of(default_machine(), alarm("CTL-03", 1.0, at="2099-01-01T00:00:00Z"), folder) is None
+
+
+def test_the_last_command_is_one_that_was_carried_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody else asks for a move without control while anna's is under way: it asks nothing of the axis."""
+    (tmp_path / "journal.sqlite").touch()
+    told = [
+        ("command", "anna", "move 90.0: done", {"time_s": 3.0}),
+        ("command", "otto", "move 10.0: refused: SEC-07 anna has control", {"code": "SEC-07"}),
+        ("alarm", "", "DRV-01 STOP", {"code": "DRV-01", "time_s": 5.0}),
+        ("alarm", "", "CTL-03 STOP", {"code": "CTL-03", "time_s": 5.1}),
+        ("command", "otto", "reset: done", {"time_s": 9.0}),
+    ]
+    rows = [
+        SimpleNamespace(values={"kind": kind, "user": user, "text": text, "utc": "now", "detail": json.dumps(detail)})
+        for kind, user, text, detail in told
+    ]  # fmt: skip
+    monkeypatch.setattr(reading, "read_journal", lambda *_, **__: rows)
+    alarm = AlarmEntry("CTL-03", "CTL-03 STOP", "now", 5.1, 0.0)
+    assert why._asked_for(tmp_path, alarm) == "move 90.0: done, by anna, now"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -195,3 +196,21 @@ def test_who_has_taken_no_control_gives_none_back(service: FakeService) -> None:
     with Axis(service) as axis, pytest.raises(Refused):
         axis.take()
     assert service.kinds() == ["take"]
+
+
+@pytest.mark.parametrize("holder", ["", "other"])
+@pytest.mark.parametrize("fails", [False, True])
+def test_who_leaves_takes_nothing_from_the_next_holder(holder: str, fails: bool) -> None:
+    """Power that was switched on here goes off and what moves stops, but not under the control of somebody else."""
+    service = FakeService(power=False)
+    service.moves = {"power": {"power": True}}
+    with suppress(KeyError), Axis(service) as axis:
+        axis.take()
+        axis.power_on()
+        service.moves = {"power": {"power": False, "power_phase": "off"}}
+        service.frame(authority_client=holder)
+        assert axis.wait_until(lambda tags: tags.authority_client == holder, PATIENCE_S)
+        if fails:
+            raise KeyError
+    ends = ["stop"] * fails + ["power", "give"]
+    assert service.kinds() == ["take", "power", *([] if holder else ends)]

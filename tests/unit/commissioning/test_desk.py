@@ -237,6 +237,30 @@ def test_two_stops_at_the_page_let_go_a_load_that_torque_alone_holds(free_room: 
         assert run.stop is wanted
 
 
+def test_two_people_who_press_once_each_let_no_load_go(free_room: Room) -> None:
+    """Both see the alarm and press: nobody has asked twice. The next press of one of them is a second one."""
+    run, _ = held(free_room)
+    free_room.send(VIEWER, "stop")
+    assert free_room.ask(OTHER, "stop") == ""
+    assert free_room.ask(ANNA, "quick_stop") == ""
+    assert run.stop is Stop.RAMP
+    assert free_room.ask(OTHER, "stop") == ""
+    assert run.stop is Stop.QUICK
+
+
+def test_how_a_step_ended_is_told_of_whoever_began_it(free_room: Room) -> None:
+    """Somebody else has taken control meanwhile; what is no step's is that of the holder."""
+    free_room.begun("identity", ANNA)
+    assert free_room.ask(OTHER, "take", over=True) == ""
+    told: list[tuple[str, str]] = []
+    free_room.desk.events.put = lambda kind, text, who, **values: told.append((text, who.user))  # type: ignore[method-assign]
+    free_room.desk.tell("command", "step identity passed", step="identity", by=free_room.desk.by)
+    free_room.desk.step_ended()
+    free_room.desk.tell("service", "commissioning report")
+    free_room.go(LOOK_S)
+    assert told == [("step identity passed", "anna"), ("commissioning report", "otto")]
+
+
 def test_a_page_that_falls_silent_lets_no_load_go(free_room: Room) -> None:
     run, _ = held(free_room)
     free_room.lively = False

@@ -218,6 +218,27 @@ def test_a_key_is_let_go_when_its_time_is_over_or_something_fails(desk: Desk, tm
     assert first not in {each["lease"] for each in desk.socket.sent}
 
 
+def test_a_key_that_is_dead_is_held_no_longer(desk: Desk, tmp_path: Path) -> None:
+    """A renewal has no reply but its refusal."""
+    link = desk.open(tmp_path)
+    desk.socket.answers = {"jog": [reply()], "release": [reply()]}
+    frames = iter(range(100))
+    alive = [lambda: status(f"h{next(frames)}")]
+    desk.socket.answers["renew"] = alive
+    renewed = iter(range(100))
+
+    def stopped() -> bool:
+        if next(renewed) == 3:
+            desk.socket.answers["renew"] = [reply("SEC-09", ok=False), *alive]
+        return False
+
+    assert link.hold(True, 60.0, stopped) == "SEC-09 · a text"
+    kinds = [each["type"] for each in desk.socket.sent[1:]]
+    assert kinds == ["jog", "renew", "renew", "renew", "renew", "release"]
+    desk.socket.answers["renew"] = alive
+    assert link.hold(True, 0.2, lambda: False) == ""
+
+
 def test_a_renewal_waits_for_no_time_that_is_over(
     desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

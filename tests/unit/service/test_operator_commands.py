@@ -264,14 +264,14 @@ def test_the_console_takes_control_of_an_axis_at_rest_and_stops_nothing() -> Non
     assert bench.epoch == epoch + 1  # of the new holder, and of no stop
 
 
-def test_a_shutdown_brakes_on_its_ramp_and_drops_what_waits() -> None:
+def test_a_shutdown_brakes_on_its_ramp_and_carries_nothing_out() -> None:
     bench = Bench()
     moving(bench)
     bench.operator.shutdown = True
     bench.scans(1)
-    # Of the epoch that the stop has begun: nothing but the shutdown stands against it.
-    bench.send(bench.who(), "set", tag="speed_setting_deg_s", value=1.0)
+    # Of the epoch that the stop has begun: nothing but the shutdown stands against it, and who asks is told so.
     speed = bench.operator.levels.speed_rad_s
+    assert bench.refused(bench.who(), "set", tag="speed_setting_deg_s", value=1.0) == "SYS-07"
     bench.scans(5)
     assert bench.operator.levels.power  # not while it moves
     assert bench.operator.levels.speed_rad_s == speed

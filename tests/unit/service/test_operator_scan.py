@@ -10,7 +10,7 @@ from gantryctl.machine import with_values
 from gantryctl.program import AxisState, Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.service.memory.memory import JournalState, Word
-from gantryctl.service.protocol.messages import to_record
+from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from support.service_bench import LEASE, MACHINE, Bench
 
@@ -83,6 +83,28 @@ def test_who_has_gone_does_not_keep_control_while_others_send() -> None:
     assert bench.commands[0].put(to_record(who, {"type": "gone"}))
     bench.scans(1)
     assert bench.operator.authority.holder is None
+
+
+@pytest.mark.parametrize("end", ["gone", "restart"])
+def test_who_has_gone_gets_no_control_and_arms_nothing(end: str) -> None:
+    """A page is closed behind its last click, or its gateway dies: both come in one scan."""
+    bench = Bench(second_person=True)
+    tuner = bench.who(Role.PHYSICIST)
+    page = Identity("page", "anna", Role.PHYSICIST, "remote", "anna")
+    ended = page if end == "gone" else Identity("", "", Role.VIEWER, "web")
+    bench.do(tuner, "take", over=False)
+    bench.send(page, "arm", action="brake_test")
+    assert bench.commands[0].put(to_record(ended, {"type": end}))
+    bench.scans(3)
+    assert bench.operator.arming.now(bench.epoch, bench.time_s) is None
+    bench.ask(tuner, "give")
+    bench.send(page, "take", over=False)
+    bench.send(page, "power", on=False)
+    assert bench.commands[0].put(to_record(ended, {"type": end}))
+    bench.scans(5)
+    assert bench.operator.authority.holder is None
+    # What is no claim of the page is done: it was sent while the page was there.
+    assert any(record and b'"power False: done"' in record for record in bench.event_ring.peek(100))
 
 
 def test_the_end_of_a_page_lets_its_own_key_go_and_no_other() -> None:

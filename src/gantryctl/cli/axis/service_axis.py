@@ -149,11 +149,13 @@ class ServiceAxis:
             return
         # Whatever fails here, the connection ends, and with it control and every key that is held.
         with self._connection as link, suppress(GantryctlError):
-            if self._powered:
-                link.ask("power", on=False)
-            link.ask("give")
-            # The next command reads from the tags who has control: it must not find this one there.
-            self._until(lambda tags: tags["authority_client"] != link.client)
+            link.look()
+            if not self._taken_by:
+                if self._powered:
+                    link.ask("power", on=False)
+                link.ask("give")
+                # The next command reads from the tags who has control: it must not find this one there.
+                self._until(lambda tags: tags["authority_client"] != link.client)
         self._connection, self._powered = None, False
 
     # --- commands ------------------------------------------------------------------------------------------------
@@ -202,7 +204,7 @@ class ServiceAxis:
         Raises:
             AlarmStop: an alarm on the way, as of a brake that does not hold.
         """
-        if self._powered:
+        if self._powered and not self._taken_by:
             self._link.ask("power", on=False)
             self._wait(lambda tags: tags["power_phase"] in _ENDED)
             self._powered = False
@@ -259,12 +261,13 @@ class ServiceAxis:
         self._set("speed_setting_deg_s", wanted)
         self._set("override_percent", override * 100.0)
         try:
-            self._link.ask(kind, **keys(start_deg))
-            return self._followed(start_deg, start_s)._replace(asked_deg_s=wanted * override)
+            epoch = self._link.ask(kind, **keys(start_deg))["epoch"]
+            return self._followed(start_deg, start_s, epoch)._replace(asked_deg_s=wanted * override)
         finally:
             # Speed and override are the operator's settings; this command has only borrowed them.
-            for tag in ("speed_setting_deg_s", "override_percent"):
-                self._set(tag, before[tag])
+            if not self._taken_by:
+                for tag in ("speed_setting_deg_s", "override_percent"):
+                    self._set(tag, before[tag])
 
     def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> MotionReport:
         """Hold the key for a time, then let go and wait for rest."""
@@ -280,8 +283,12 @@ class ServiceAxis:
         start_s = self.tags["time_s"]
         self._link.ask("mode", mode="continuous")
         self._set("speed_setting_deg_s", speed_deg_s)
-        self._link.hold(forward, seconds, lambda: self.stop is not Stop.NO)
-        return self._followed(start_deg, start_s)
+        epoch = self.tags["epoch"]
+        lost = self._link.hold(forward, seconds, lambda: self.stop is not Stop.NO)
+        report = self._followed(start_deg, start_s, epoch)
+        if lost and report.done:
+            raise CommandRefused(f"the key was let go before its time: {lost}")
+        return report
 
     def test_brake(self) -> BrakeTestReport:
         """Give torque both ways against the closed brake, with power off."""
@@ -343,15 +350,31 @@ class ServiceAxis:
     def _set(self, tag: str, value: float) -> None:
         self._link.ask("set", tag=tag, value=value)
 
-    def _followed(self, start_deg: float, start_s: float) -> MotionReport:
-        """Wait for the end of the motion."""
+    @property
+    def _taken_by(self) -> str:
+        """Who else has control now; "" for nobody. What that person does is not this command's to end."""
+        mine = self.tags["authority_client"] in ("", self._link.client)
+        return "" if mine else str(self.tags["authority_user"])
+
+    def _followed(self, start_deg: float, start_s: float, epoch: int) -> MotionReport:
+        """Wait for the end of the motion that was begun in an epoch.
+
+        Raises:
+            CommandRefused: somebody else has taken control.
+        """
         self._wait(
             lambda tags: (
-                (tags["at_rest"] and (tags["in_position"] or self.stop is not Stop.NO)) or not tags["power"]
+                (tags["at_rest"] and (tags["in_position"] or self.stop is not Stop.NO))
+                or not tags["power"]
+                or bool(self._taken_by)
             )
         )
         self._raise_alarm()
-        ending = Ending.DONE if self.stop is Stop.NO else Ending.STOPPED
+        if self._taken_by:
+            raise CommandRefused(f"{Code.SEC_07} · {self._taken_by} has taken control")
+        # Whoever stops, here or elsewhere, begins an epoch; whoever switches off does not.
+        stopped = self.stop is not Stop.NO or self.tags["epoch"] != epoch or not self.tags["power"]
+        ending = Ending.STOPPED if stopped else Ending.DONE
         return MotionReport(ending, start_deg, self.angle_deg, start_s, self.tags["time_s"])
 
     def _wait(self, holds: Callable[[Tags], bool]) -> None:

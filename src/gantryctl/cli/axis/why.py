@@ -100,7 +100,7 @@ def _alarms(machine: Machine, at_service: bool) -> tuple[list[AlarmEntry], list[
 
 
 def _asked_for(directory: Path, alarm: AlarmEntry) -> str | None:
-    """The last command that the journal has before an alarm; None without a journal, or where it lacks the alarm."""
+    """The last command carried out before an alarm; None without a journal, or where it lacks the alarm."""
     import json
 
     from gantryctl.service.recorder.journal.places import FILE
@@ -111,12 +111,12 @@ def _asked_for(directory: Path, alarm: AlarmEntry) -> str | None:
     command = None
     # As many as a shift has: the alarms that are kept come from newer events.
     for row in read_journal(directory, limit=10_000, newest=True):
-        values = row.values
-        if values["kind"] == "command":
+        values, detail = row.values, json.loads(row.values["detail"])
+        # What was refused has asked nothing of the axis; its event has the code of the refusal.
+        if values["kind"] == "command" and "code" not in detail:
             command = f"{values['text']}, by {values['user'] or 'nobody named'}, {values['utc']}"
         if values["kind"] != "alarm":
             continue
-        detail = json.loads(values["detail"])
         if detail.get("code") == alarm.code and abs(detail.get("time_s", math.inf) - alarm.time_s) < _SAME_S:
             return command
     return None

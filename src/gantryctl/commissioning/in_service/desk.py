@@ -57,7 +57,6 @@ class Desk:
 
     Attributes:
         phase, step: what goes on; the key of the step under way, "" for none.
-        by: user whose step it is.
         halt: ends the step under way.
     """
 
@@ -83,7 +82,8 @@ class Desk:
         self._now, self._begun_s = now, now()
         self.frames = FrameClock(self._begun_s)
         self._keys = key_limits(machine.monitors.lease_ms * 1e-3)
-        self.phase, self.step, self.by = CommissioningPhase.SETTING_UP, "", ""
+        self.phase, self.step = CommissioningPhase.SETTING_UP, ""
+        self._beginner: Identity | None = None
         self.halt = Halt()
         self._reach = Reach.NOTHING
         self._orders: SimpleQueue[Step | None] = SimpleQueue()
@@ -91,9 +91,15 @@ class Desk:
         self._shown: object = None
         self._looks = 0
         self._ending_s, self._held = math.inf, False
+        self._asked_by: set[str] = set()
         self._ended = threading.Event()
 
     # --- the step's side, another thread ----------------------------------------------------------
+
+    @property
+    def by(self) -> str:
+        """User whose step it is, or was; "" before the first one."""
+        return "" if self._beginner is None else self._beginner.user
 
     def next_order(self) -> Step | None:
         """Wait for the next step that a person wants; None to end."""
@@ -146,7 +152,9 @@ class Desk:
         self.frames.tick(now_s)
         while self._told:
             kind, text, values = self._told.popleft()
-            self.events.put(kind, text, self.authority.holder, **values)
+            # A step is that of whoever began it, whoever has control when it ends.
+            who = self._beginner if "step" in values else self.authority.holder
+            self.events.put(kind, text, who, **values)
         holder = self.authority.holder
         inbox.receive(self.authority.epoch, "" if holder is None else holder.client)
         while inbox.gone:
@@ -178,6 +186,7 @@ class Desk:
         if self._held and not held:
             text = f"step {self.step}: torque alone holds the load; two requests to stop let it go"
             self.events.put("alarm", text, self.authority.holder)
+            self._asked_by.clear()
         if self.phase is CommissioningPhase.ENDING:
             self._ending_s = min(self._ending_s, now_s)
             if self._held and now_s - self._ending_s >= _HELD_S:
@@ -196,11 +205,18 @@ class Desk:
             urgency = Stop.QUICK if kind == "quick_stop" else Stop.RAMP
             why = f"stopped by {together[0].who.user}"
             if self._held:
-                # Each press counts, and of people only: a page that falls silent lets no load go.
-                self.halt.ask(urgency, why)
+                self._ask_with_load(together, urgency, why)
             else:
                 self._halt(why, urgency)
         self._inbox.answer_all(together, self.authority.epoch)
+
+    def _ask_with_load(self, together: Sequence[PendingCommand], urgency: Stop, why: str) -> None:
+        """Count the presses of people while torque alone holds the load: a page that falls silent lets no load go."""
+        # The second request is to be meant as such: two people who press once each have not asked twice.
+        for user in {each.who.user for each in together}:
+            if not self._asked_by or user in self._asked_by:
+                self.halt.ask(urgency, why)
+            self._asked_by.add(user)
 
     # --- commands ---------------------------------------------------------------------------------
 
@@ -274,12 +290,8 @@ class Desk:
             check_armed(now.armed, Action.COMMISSION, who, second_person=now.second_person)
             self.arming.use()
         self.halt = Halt(listens=True)
-        self.phase, self.step, self.by, self._reach = (
-            CommissioningPhase.RUNNING,
-            step.key,
-            who.user,
-            step.reach,
-        )
+        self._beginner = who
+        self.phase, self.step, self._reach = CommissioningPhase.RUNNING, step.key, step.reach
         self._orders.put(step)
 
     def _refuse_unless(self, holds: bool, why: Words) -> None:

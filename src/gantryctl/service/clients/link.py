@@ -129,16 +129,23 @@ class ServiceLink:
             raise DeviceError(f"the connection to the service broke: {fault.strerror or fault}") from fault
         return self._seq
 
-    def hold(self, forward: bool, seconds: float, stopped: Any) -> None:
-        """Hold a key for a time, or until `stopped()`; then let go."""
+    def hold(self, forward: bool, seconds: float, stopped: Any) -> str:
+        """Hold a key for a time, or until `stopped()`; then let go.
+
+        Returns:
+            Why the service has let it go before; "" when it has not.
+        """
         lease = secrets.token_hex(8)
         self.ask("jog", lease=lease, direction="forward" if forward else "reverse")
         until_s = time.monotonic() + seconds
         self._socket.settimeout(RENEW_S)
+        self._replies.clear()
         try:
-            while time.monotonic() < until_s and not stopped():
+            while time.monotonic() < until_s and not stopped() and not self._replies:
                 self.say("renew", lease=lease)
                 self._drain()
+            # A renewal has no reply but its refusal: then the key is dead.
+            return next((f"{dead['code']} · {dead['text']}" for dead in self._replies.values()), "")
         finally:
             self._socket.settimeout(_TIMEOUT_S)
             self.ask("release", lease=lease)

@@ -25,6 +25,8 @@ OF_CLIENT: Final = 16
 OF_SOURCE: Final = 128
 # Decision 0011: stops are judged first and never refused; they carry no age and no epoch that could be wrong.
 _FIRST: Final = ("stop", "quick_stop", "release")
+# What a connection asks for itself alone: it ends with the connection, also while it waits.
+_OWN: Final = ("take", "arm")
 
 
 class PendingCommand(NamedTuple):
@@ -63,10 +65,13 @@ class CommandQueue:
         self._leave(pending)
         return pending
 
-    def clear(self) -> None:
-        """Drop all commands."""
-        self._waiting.clear()
-        self._count.clear()
+    def forget(self, gone: Gone) -> None:
+        """Drop what connections that have ended asked for themselves: nobody is there to have it."""
+        for each in [*self._waiting]:
+            ended = each.source == gone.source if gone.everyone else each.who.client == gone.client
+            if ended and each.message.kind in _OWN:
+                self._waiting.remove(each)
+                self._leave(each)
 
     def _drop(self, client: str, kind: str) -> None:
         for each in self._waiting:
@@ -139,7 +144,9 @@ class Inbox:
         # These two come from the gateway itself: no client can send them past `parse`.
         if raw.get("type") in ("gone", "restart"):
             self._last_seq.pop(who.client, None)
-            self.gone.append(Gone(source, who.client, raw["type"] == "restart"))
+            gone = Gone(source, who.client, raw["type"] == "restart")
+            self.others.forget(gone)
+            self.gone.append(gone)
             return
         try:
             message = messages.checked(raw)

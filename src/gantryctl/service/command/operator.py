@@ -25,7 +25,7 @@ from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import Situation
 from gantryctl.service.command.unheld import UnheldPower
 from gantryctl.service.protocol.limits import HELD_S, SILENCE_S, key_limits
-from gantryctl.service.protocol.messages import Identity, MessageRefused
+from gantryctl.service.protocol.messages import SILENT, Identity, MessageRefused
 from gantryctl.service.protocol.roles import ARMABLE
 from gantryctl.units import deg, rad
 
@@ -189,6 +189,8 @@ class ServiceOperator:
             # A stale command is no sign of life: after a freeze of the network they arrive in a burst.
             self.authority.alive(who, now_s)
             rules.check_allowed(message, who, now)
+            if self.shutdown and message.kind not in SILENT:
+                raise MessageRefused(Code.SYS_07)
             done = self._do(pending, now, now_s)
         except MessageRefused as refused:
             self._answer(pending, refused)
@@ -433,7 +435,6 @@ class ServiceOperator:
     def _shut_down(self) -> None:
         """Come to rest, then switch power off."""
         self.hold.end()
-        self._inbox.others.clear()
         if self._testing and not self._test_ended:
             self.stop()
         if self.levels.power and not self.levels.stop and not self._stop_scans:
