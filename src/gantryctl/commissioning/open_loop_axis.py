@@ -6,7 +6,6 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import replace
 from typing import Final
 
 from gantryctl.commissioning.pictures import MotionSample
@@ -19,7 +18,7 @@ from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, LinkFlag, OutputImage
 from gantryctl.machine import Machine
 from gantryctl.operation.ledger.inputs import without_following_bit
-from gantryctl.operation.opening import keep_machine, open_machine
+from gantryctl.operation.opening import keep_machine, open_machine, rested_at
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
@@ -374,8 +373,8 @@ def open_loop_axis(
             yield axis
     finally:
         drive.close()
-        counts = int(drive.read().pos_act_counts) % opened.scale.range_counts
-        keep_machine(machine, store, drive, replace(axis.retained, rest_position_counts=counts))
+        counts = int(drive.read().pos_act_counts)
+        keep_machine(machine, store, drive, rested_at(opened, axis.retained, counts))
         if part:
             c.watch.draw(part, _from_zero(axis.samples))
 

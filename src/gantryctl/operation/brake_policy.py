@@ -15,8 +15,9 @@ from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, C
 from gantryctl.program.alarms.log import from_wire, messages_to_wire
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.monitors.torque_model import TorqueModel
 from gantryctl.runtime import Retained
-from gantryctl.units import deg
+from gantryctl.units import deg, rad
 from gantryctl.wiring.program import speed_settings, untestable
 
 LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
@@ -132,13 +133,28 @@ def restore_failure(axis: Axis, retained: Retained) -> None:
 
 def restore_learned(axis: Axis, retained: Retained) -> None:
     """Give the axis what earlier runs have learned of its torque and its calibration, and the brake stops counted."""
-    weights, seen = _plain(retained.torque_weights), _plain(retained.calibration_watch)
-    if isinstance(weights, list) and all(isinstance(weight, float) for weight in weights):
-        axis.monitors.drag.model.restore(weights)
+    seen = _plain(retained.calibration_watch)
+    _restore_weights(axis.monitors.drag.model, retained)
     axis.power.wear.restore(retained.emergency_brake_stops)
     if isinstance(seen, dict) and axis.load_side is not None and axis.load_side.watch is not None:
         axis.load_side.watch.restore(seen)
         axis.load_side.warn_stale()
+
+
+def turned_weights(machine: Machine, retained: Retained, by_deg: float | None) -> str:
+    """The learned torque behind a new zero, by which every angle is so much more; "" where nobody knows how much."""
+    model = TorqueModel(machine.axis.ratio, machine.motor.torque_rated_nm)
+    _restore_weights(model, retained)
+    if by_deg is None or not model.learned:
+        return ""
+    model.turn(rad(by_deg))
+    return json.dumps(model.weights)
+
+
+def _restore_weights(model: TorqueModel, retained: Retained) -> None:
+    weights = _plain(retained.torque_weights)
+    if isinstance(weights, list) and all(isinstance(weight, float) for weight in weights):
+        model.restore(weights)
 
 
 def _plain(text: str) -> object:

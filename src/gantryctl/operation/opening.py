@@ -332,6 +332,16 @@ def _zero_counts(found: OpenMachine) -> float:
     return zero + counts - found.scale.unwrapped(counts, zero, kept.rest_position_counts)
 
 
+def rested_at(found: OpenMachine, retained: Retained, counts: int) -> Retained:
+    """Memory of an axis that rests at `counts`, which has counted on since the machine was found so."""
+    span, turn = found.scale.range_counts, found.scale.axis_turn_counts
+    kept = replace(retained, rest_position_counts=counts % span)
+    if turn is None or kept.zero_offset_counts is None:
+        return kept
+    # The zero of a modulo axis lies on the branch of its rest position, and the range is no whole number of turns.
+    return replace(kept, zero_offset_counts=Turns(turn, _zero_counts(found)).kept_zero(counts, span))
+
+
 def set_up_again(engine: Engine) -> bool:
     """Set up a drive that was lost or has changed: power off, between two scans.
 

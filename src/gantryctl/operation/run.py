@@ -33,7 +33,7 @@ from gantryctl.operation.run_memory import RunEnd, RunMemory
 from gantryctl.operation.sliced_scan import SLICE_S, SlicedScan, state_words
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
-from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, PowerPhase, Reaction
+from gantryctl.program import Alarm, AxisState, BrakeTestOutcome, GantryProgram, PowerPhase, Reaction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.axis.command_checks import (
     check_destination,
@@ -41,6 +41,7 @@ from gantryctl.program.axis.command_checks import (
     check_overdue,
     check_range,
     check_setting,
+    check_target,
     inside_turn,
     require,
 )
@@ -218,10 +219,13 @@ class AxisRun:
         """
         if not self._unwatched and self.axis.is_off:
             return
-        told = self.axis.alarms.first_out
+        told, known = self.axis.alarms.first_out, self._brake_alarms()
         self._go_down()
         if self.axis.alarms.first_out is not told:
             self._raise_alarm()
+        for alarm in self._brake_alarms():
+            if alarm not in known:  # behind the one that has been told
+                raise AlarmStop(alarm.text, alarm.code)
         if told is None and not self.axis.is_off:
             raise AlarmStop(
                 f"{Code.SYS_10} STOP · power-down did not end within {_POWER_S:g} s, "
@@ -243,7 +247,13 @@ class AxisRun:
 
     def load_is_held(self) -> bool:
         """Whether torque alone holds it: the brake is not trusted, and the power sequence ends here."""
-        return self.axis.power.phase is PowerPhase.TORQUE_HOLD and not self._closed
+        # A program that has failed is in no phase any more: the engine takes the torque off.
+        held = self.axis.power.phase is PowerPhase.TORQUE_HOLD and self.engine.failure is None
+        return held and not self._closed
+
+    def _brake_alarms(self) -> list[Alarm]:
+        """Alarms of a brake that does not hold the load."""
+        return [alarm for alarm in self.axis.alarms.active.values() if alarm.reaction is Reaction.HOLD]
 
     def move(
         self,
@@ -271,11 +281,16 @@ class AxisRun:
         Raises:
             CommandRefused, AlarmStop: as of `move`.
         """
-        if not self.axis.settings.travel.endless:
-            return self.move(self.angle_deg + distance_deg, speed_deg_s, override)
         levels = self._speed_levels(speed_deg_s, override)
-        require(check_range(rad(distance_deg), self.axis.settings.travel))
-        return self._motion(**levels, move=True, relative=True, target_rad=rad(distance_deg), direction=None)
+        way_rad, travel, virtual = rad(distance_deg), self.axis.settings.travel, self.axis.virtual
+        # Where power is off the set-point will be where the axis stands.
+        here_rad = virtual.pos_ref_rad if virtual.following else rad(self.angle_deg)
+        require(
+            check_range(way_rad, travel)
+            if travel.endless
+            else check_target(here_rad, here_rad + way_rad, travel)
+        )
+        return self._motion(**levels, move=True, relative=True, target_rad=way_rad, direction=None)
 
     def begin_move(self, target_deg: float, speed_deg_s: float, override: float = 1.0) -> None:
         """Begin a move and return while it goes on, for an experiment on the way; `follow` scans.
@@ -494,11 +509,10 @@ class AxisRun:
         """Go on while torque alone holds the load; in virtual time nobody can wait, and the load is a simulated one."""
         if not (self._paced and self.load_is_held()):
             return
-        why = [alarm.text for alarm in self.axis.alarms.active.values() if alarm.reaction is Reaction.HOLD]
         # At once, whoever has made this run: what is raised or printed at its end comes too late.
         lines = [
             "",
-            *why,
+            *(alarm.text for alarm in self._brake_alarms()),
             "Torque holds the load while this command runs. It goes on until it is asked twice to stop, as by Ctrl-C; "
             "then the load is let go.",
         ]
@@ -518,25 +532,33 @@ class AxisRun:
             alarm: what stopped the axis; it holds the axis until it is acknowledged.
         """
         self._scans.observer = None
-        if isinstance(alarm, ScanFailure):
-            self.axis.alarms.raise_(Code.SYS_09, None, **alarm.values)
         try:
-            # After an exception in a scan the engine runs its own stop program (SYS-09): these scans bring it to rest.
-            if self.engine.failure is not None:
-                self.engine.run_for(_POWER_S)
-            elif self._unwatched or not self.axis.is_off:
+            if self.engine.failure is None and (self._unwatched or not self.axis.is_off):
                 self._go_down()
             self._hold_load()
+        except ScanFailure as failed:
+            alarm = failed
+            raise
         finally:
-            self._closed = True
-            self._scans.end()
-            self._timed.close()
-            if self.engine.scan:
-                self.engine.close()
-            else:  # refused before anything was switched on: the drive stays as it is
-                leave_bus(self.drive)
-                if self.engine.recorder is not None:
-                    self.engine.recorder.close()
-            memory = self._memory
-            end = RunEnd(result, alarm, memory.power_ups, memory.moves, self.engine.time_s)
-            close_axis(self.machine, self._store, self._open._replace(retained=memory.retained), end)
+            try:
+                # After an exception in a scan the engine runs its own stop program: these scans bring the axis to rest.
+                if self.engine.failure is not None:
+                    self.engine.run_for(_POWER_S)
+            finally:
+                self._leave(result, alarm)
+
+    def _leave(self, result: str, alarm: AlarmStop | None) -> None:
+        if isinstance(alarm, ScanFailure):
+            self.axis.alarms.raise_(Code.SYS_09, None, **alarm.values)
+        self._closed = True
+        self._scans.end()
+        self._timed.close()
+        if self.engine.scan:
+            self.engine.close()
+        else:  # refused before anything was switched on: the drive stays as it is
+            leave_bus(self.drive)
+            if self.engine.recorder is not None:
+                self.engine.recorder.close()
+        memory = self._memory
+        end = RunEnd(result, alarm, memory.power_ups, memory.moves, self.engine.time_s)
+        close_axis(self.machine, self._store, self._open._replace(retained=memory.retained), end)

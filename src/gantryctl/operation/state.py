@@ -12,7 +12,7 @@ from typing import Any, Final
 from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
-from gantryctl.operation.brake_policy import LOCKED, brake_words
+from gantryctl.operation.brake_policy import LOCKED, brake_words, turned_weights
 from gantryctl.operation.home_reference import (
     SHOWN_DEG,
     AbsoluteReading,
@@ -21,7 +21,14 @@ from gantryctl.operation.home_reference import (
     judge_reference,
     why_not_referenced,
 )
-from gantryctl.operation.opening import OpenMachine, keep_machine, leave_bus, new_machine, read_only
+from gantryctl.operation.opening import (
+    OpenMachine,
+    keep_machine,
+    leave_bus,
+    new_machine,
+    read_only,
+    rested_at,
+)
 from gantryctl.operation.proofs import ledger_shown, own_ramp_deg_s2
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Code
@@ -165,10 +172,9 @@ def reset_machine(machine: Machine) -> str:
         done = []
         if reading.verdict is RestVerdict.MOVED:
             text = f"{Code.ENC_09} acknowledged by {who}: moved {reading.moved_deg:+.3f} deg while off"
+            entry = AlarmEntry(str(Code.ENC_09), text, when)
             retained = replace(
-                retained,
-                rest_position_counts=reading.raw_counts,
-                alarms=(*retained.alarms, AlarmEntry(str(Code.ENC_09), text, when)),
+                rested_at(opened, retained, reading.raw_counts), alarms=(*retained.alarms, entry)
             )
             done.append(text)
         elif (reason := why_not_referenced(reading)) is not None:
@@ -240,6 +246,13 @@ def _check_standing(machine: Machine, store: StateStore, seen: OpenMachine) -> N
             f"the axis moves, {moved_deg:+.3f} deg between two readings: the zero is set at standstill with the brake "
             "closed"
         )
+
+
+def _turned_deg(opened: OpenMachine, motor_deg: float) -> float | None:
+    """How much more every angle is by a new zero; None where the angle so far was not known."""
+    reading = opened.reading
+    known = reading.verdict is RestVerdict.OK and not opened.retained.doubted_by
+    return motor_deg - reading.angle_deg if known and reading.angle_deg is not None else None
 
 
 _ZERO_KEYS: Final = (
@@ -324,6 +337,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
             zero_set_by=operator_name(),
             zero_set_at=now_text(),
             zero_witness=witness,
+            torque_weights=turned_weights(machine, opened.retained, _turned_deg(opened, motor_deg)),
         )
         # Refused here, the offset is not stored: a reading that jumps by the whole range in motion comes too late.
         reading = judge_reference(scale, counts, retained)

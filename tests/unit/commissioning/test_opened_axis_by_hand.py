@@ -40,7 +40,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         feedback=drive.read(),
         reading=SimpleNamespace(angle_deg=None),
         retained=Retained("m", "h"),
-        scale=SimpleNamespace(range_counts=2**20),
+        scale=SimpleNamespace(range_counts=2**20, axis_turn_counts=None),
     )
     monkeypatch.setattr(open_loop_axis, "CanopenDrive", HandDrive)
     monkeypatch.setattr(open_loop_axis, "open_machine", lambda machine, store: found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -15,14 +16,15 @@ import pytest
 from gantryctl.drives.canopen.process_image import Unwrap
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import CommandRefused, ConfigError
-from gantryctl.image import Direction, DriveIdentity
+from gantryctl.image import Direction, DriveIdentity, DriveState
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import opening
+from gantryctl.operation import state as state_module
 from gantryctl.operation.home_reference import EncoderScale, RestVerdict, judge_reference, why_not_referenced
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.run_memory import RunEnd, RunMemory, retained_after
-from gantryctl.operation.state import encoder_report, machine_status, set_encoder_zero
+from gantryctl.operation.state import encoder_report, machine_status, reset_machine, set_encoder_zero
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Axis, Code
 from gantryctl.runtime import Retained
@@ -219,6 +221,34 @@ def test_the_zero_of_a_modulo_axis_lies_on_the_branch_on_which_it_rested() -> No
     found: Any = SimpleNamespace(feedback=SimpleNamespace(pos_act_counts=counts), retained=KEPT, scale=SCALE)
     assert counts < REST
     assert (counts - opening._zero_counts(found)) * SCALE.deg_per_count == pytest.approx(100.1, abs=1e-5)
+
+
+@pytest.mark.parametrize("ranges", [0, 3])
+def test_a_rest_position_takes_the_zero_onto_its_branch(ranges: int) -> None:
+    """Opened 0.2 deg beyond the wrap, then turned on by whole ranges of 20.14 deg, which are no turn of the axis."""
+    opened = (REST + round(0.2 / SCALE.deg_per_count)) % SPAN
+    found: Any = SimpleNamespace(feedback=SimpleNamespace(pos_act_counts=opened), retained=KEPT, scale=SCALE)
+    counts = opened + ranges * SPAN
+    reading = judge_reference(SCALE, counts % SPAN, opening.rested_at(found, KEPT, counts))
+    assert reading.verdict is RestVerdict.OK
+    assert reading.angle_deg is not None
+    assert apart(reading.angle_deg, 100.2 + ranges * 64 * 360.0 / 1144) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_small_way_over_the_wrap_is_acknowledged_where_the_axis_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts = (REST + round(0.2 / SCALE.deg_per_count)) % SPAN
+    seen: Any = SimpleNamespace(state=DriveState.SWITCH_ON_DISABLED, pos_act_counts=counts)
+    drive: Any = None
+    found = opening.OpenMachine(drive, KEPT, seen, SCALE, judge_reference(SCALE, counts, KEPT))
+    kept: list[Retained] = []
+    monkeypatch.setattr(state_module, "read_only", lambda machine, store: nullcontext(found))
+    monkeypatch.setattr(state_module, "keep_machine", lambda machine, store, drive, kept_: kept.append(kept_))
+    assert "moved +0.200 deg while off" in reset_machine(MACHINE)
+    reading = judge_reference(SCALE, counts, kept[0])
+    assert reading.verdict is RestVerdict.OK
+    assert reading.angle_deg == pytest.approx(100.2, abs=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,15 @@ import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.image import DriveRequest
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation.client import Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
-from gantryctl.program import Axis, AxisProgram, Code, PowerPhase
+from gantryctl.program import Axis, AxisProgram, Code, GantryProgram, PowerPhase
 from gantryctl.program.blocks import Power
+from gantryctl.runtime import ScanFailure
 from gantryctl.units import deg
 
 # The load hangs to one side at the angle of the start: 49.8 kN m, 31 kN m beyond its friction.
@@ -203,6 +205,41 @@ def test_a_drive_that_trips_holds_nothing_and_the_run_ends() -> None:
     assert run.engine.time_s - begun_s == pytest.approx(0.2, abs=0.11)
 
 
+def test_a_power_down_behind_an_alarm_tells_of_the_brake() -> None:
+    run, _ = powered()
+    run.stop = Stop.QUICK
+    with pytest.raises(AlarmStop, match="INT-06"):
+        run.follow(1.0)
+    with pytest.raises(AlarmStop, match=r"BRK-0[34] STOP"):
+        run.power_down()
+    # Told once.
+    run.power_down()
+    run.close("stopped")
+
+
+def test_a_program_that_fails_holds_nothing_and_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    """The engine stops the axis in its place and takes the torque off: nobody is told that it holds the load."""
+    run, _ = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+
+    def scan(image: object) -> None:
+        raise ArithmeticError("planted")
+
+    run.engine.program.scan = scan  # type: ignore[method-assign, assignment]
+    with pytest.raises(ScanFailure) as failed:
+        run.engine.run_for(0.1)
+    assert not run.load_is_held()
+    # What becomes of the load without a program is not the matter here.
+    assert isinstance(run.drive, SimDrive)
+    run.drive.change_plant("brake_torque_nm", 400.0)
+    run._paced = True
+    asked_after(run, 5, lambda: None)
+    run.close("failed", failed.value)
+    assert capsys.readouterr().err == ""
+    assert run.engine.output.request is DriveRequest.DISABLE
+
+
 def test_an_alarm_that_has_been_told_is_told_no_second_time() -> None:
     run = AxisRun(with_values(default_machine(), {"drive.kind": "ideal"}))
     run.power_up()
@@ -211,6 +248,31 @@ def test_an_alarm_that_has_been_told_is_told_no_second_time() -> None:
         run.follow(1.0)
     run.power_down()
     run.close("stopped")
+
+
+class FailsAsPowerGoes(GantryProgram):
+    """Its author has tried it with power on alone."""
+
+    def logic(self, image: Any) -> None:
+        if self.axis.power.status and not image.operator.power:
+            raise ArithmeticError("planted")
+        super().logic(image)
+
+
+def test_a_program_that_fails_as_a_run_closes_is_braked_before_the_torque_goes() -> None:
+    with StateStore(HANGING) as store:
+        run = AxisRun(HANGING, store, program=FailsAsPowerGoes)
+        run.power_up()
+        run.begin_move(5.0, 6.0)
+        run.follow(2.0)
+        # 0.79 deg/s: a quick stop of 5.4 deg/s2 takes 0.06 deg, and a scan; the load swings behind it.
+        begun_deg, turning = load_deg(run), abs(deg(run.axis.feedback.vel_rad_s))
+        assert turning > 0.5
+        with pytest.raises(ScanFailure):
+            run.close("stopped")
+        assert abs(load_deg(run) - begun_deg) < 0.08
+        assert (run.engine.output.request, run.engine.output.brake_open) == (DriveRequest.DISABLE, False)
+    assert machine_status(HANGING).error_stop == "SYS-09"
 
 
 class KeepsPower(AxisProgram):

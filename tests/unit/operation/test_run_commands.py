@@ -401,6 +401,22 @@ def test_a_way_of_many_turns_is_a_way_and_none_of_no_length(monkeypatch: pytest.
     run.close("refused")
 
 
+def test_ways_of_a_linear_axis_follow_each_other_to_the_end_of_its_travel() -> None:
+    """Each counts from the set-point: what the axis stands beside it, 1e-5 deg here, does not add up."""
+    run = AxisRun(with_values(MACHINE, {"axis.pos_max_deg": 0.4, "control.scan_period_ms": 10.0}))
+    run.move(0.1, 6.0)
+    beside = abs(deg(run.axis.pos_act_rad) - 0.1)
+    assert beside > 1e-6
+    for _ in range(3):
+        run.move_by(0.1, 6.0)
+    # A fine count is 7.5e-8 deg.
+    assert deg(run.axis.virtual.pos_ref_rad) == approx(0.4, abs=1e-10)
+    with pytest.raises(CommandRefused, match=r"0\.00 deg are left"):
+        run.move_by(0.001, 6.0)
+    assert run.move_by(-0.1, 6.0).end_deg == approx(0.3, abs=0.005)
+    run.close("done")
+
+
 def test_the_frames_of_the_bus_since_the_last_slice_are_looked_at_as_a_run_ends(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

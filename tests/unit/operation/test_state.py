@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -288,6 +289,30 @@ def test_a_zero_is_of_this_encoder_at_this_rest_and_the_one_before_is_kept() -> 
     rows = dict(encoder_report(MACHINE).rows())
     assert rows["witness"] == "mark 7"
     assert rows["zero set by"] == f"{after.zero_set_by} {after.zero_set_at}"
+
+
+# Of a moment of 40 N m at the motor whose sine is 0 at 0 deg, and friction.
+LEARNED = "[40.0, 0.0, 6.0, 1.0, 2.0]"
+
+
+def test_a_new_zero_turns_the_learned_torque_along() -> None:
+    """What stood at 10 deg is at 100 deg from now on, so is the moment: 40 N m sin(q - 90 deg) = -40 N m cos q."""
+    kept(torque_weights=LEARNED)
+    set_encoder_zero(MACHINE, 100.0, "mark 7")
+    assert json.loads(memory().torque_weights) == pytest.approx([0.0, -40.0, 6.0, 1.0, 2.0], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "unknown",
+    [{"encoder_serial": "ANOTHER"}, {"rest_position_counts": None}, {"doubted_by": "ENC-01"}],
+    ids=str,
+)
+def test_a_new_zero_of_an_angle_that_was_not_known_forgets_the_learned_torque(
+    unknown: dict[str, Any],
+) -> None:
+    kept(torque_weights=LEARNED, **unknown)
+    set_encoder_zero(MACHINE, 10.0, "mark 7")
+    assert memory().torque_weights == ""
 
 
 def test_the_way_travelled_is_told_in_degrees() -> None:

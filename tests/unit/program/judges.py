@@ -465,7 +465,8 @@ def is_absurd(parts: Parts, x: float) -> bool:
 
 READINGS: dict[str, tuple[Acts, float]] = {
     "speed reading": (is_a_wrong_speed, rad(21.0)),
-    "target": (is_a_wrong_target, rad(180.0)),
+    # And what the angles of a double leave of it: less than a fine count, 1.3e-9 rad.
+    "target": (is_a_wrong_target, rad(180.0) + 1e-9),
     "way": (is_absurd, rad(1e6)),
     "reference": (is_a_wrong_reference, rad(180.0)),
     "speed at a reference": (turns_too_fast_for_a_reference, rad(0.1)),

@@ -71,6 +71,17 @@ def test_inside_the_travel_and_back_towards_it_is_open(here: float, target: floa
     assert check(here, target) is None
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_increments_reach_the_end_of_travel_that_they_sum_up_to(way: float) -> None:
+    """As doubles 720 times 0.25 deg are 3e-14 rad more than 180; a fine count is 1.3e-9."""
+    before, end = 0.0, 0.0
+    for _ in range(720):
+        before, end = end, end + way * rad(0.25)
+    assert abs(end) > rad(180.0)
+    assert check_target(before, end, TRAVEL) is None
+    assert check_target(before, end + way * 1.3e-9, TRAVEL) is not None
+
+
 TARGETS = (0.0, -0.0, 179.99, 180.0, 180.01, 181.0, 184.0, 185.5, 187.0, 399.0, -180.0, -180.01, -185.5, -1e5)
 
 

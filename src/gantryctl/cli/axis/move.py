@@ -128,7 +128,7 @@ def move(
             )
             if remark and not run["as_json"]:
                 click.echo(remark)
-        if distance is not None and axis.machine.axis.modulo:
+        if distance is not None:
             return axis.move_by(distance, speed, override / 100.0)
         return axis.move(end, speed, override / 100.0, chosen)
 

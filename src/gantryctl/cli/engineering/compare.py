@@ -265,13 +265,14 @@ def _on_bus(
         check_quick_stop(machine)
     ends = improved.axis.dial.span(*chord_test(improved).travel_deg)
     moves = f"moves from {ends} deg and back for 10 minutes with each of the two machine files"
-    found = compare_on_bus(
-        paper,
-        improved,
-        lambda run: instrument_at(place, run, seed),
-        agree=asking(improved, moves, yes=yes),
-        progress=None if as_json else lambda what: click.echo(what, err=True),
-    )
+    with asking(improved, moves, yes=yes) as agree:
+        found = compare_on_bus(
+            paper,
+            improved,
+            lambda run: instrument_at(place, run, seed),
+            agree=agree,
+            progress=None if as_json else lambda what: click.echo(what, err=True),
+        )
     data = {
         "instrument": found.instrument,
         "verdict": verdict_data(found.verdict),

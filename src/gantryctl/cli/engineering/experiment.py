@@ -75,12 +75,18 @@ def plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def asking(machine: Machine, moves: str, *, yes: bool) -> Callable[[AxisRun], None]:
+@contextmanager
+def asking(machine: Machine, moves: str, *, yes: bool) -> Iterator[Callable[[AxisRun], None]]:
     """What asks a person before a real gantry moves, and refuses without a yes.
+
+    From then on Ctrl-C, SIGTERM and a lost terminal stop the run, until it has closed: it may hold the load then.
 
     Args:
         moves: what will move, for the question.
     """
+    from gantryctl.operation.client import Stop
+
+    runs: list[AxisRun] = []
 
     def agree(run: AxisRun) -> None:
         if run.must_ask and not yes:
@@ -89,8 +95,17 @@ def asking(machine: Machine, moves: str, *, yes: bool) -> Callable[[AxisRun], No
                 err=True,
             )
             confirm("Begin?", "nothing moved")
+        if runs:  # asked as the run before closed
+            run.stop = runs[0].stop
+        runs[:] = [run]
 
-    return agree
+    def stop() -> None:
+        if not runs:  # nothing is powered yet
+            raise KeyboardInterrupt
+        runs[0].stop = Stop(min(runs[0].stop + 1, Stop.QUICK))
+
+    with stop_signals(stop):
+        yield agree
 
 
 @contextmanager
@@ -111,18 +126,14 @@ def bus_experiment(
         takes_s: axis time that it takes, about, for the progress. quiet: show none.
     """
     from gantryctl.engineering.analysis.measured.on_engine import experiment
-    from gantryctl.operation.client import Stop
 
-    agree = asking(machine, moves, yes=yes)
-    opened = experiment(machine, controlled_as=controlled_as, agree=agree, needs_torque=needs_torque)
-    with opened as run:
-
-        def stop() -> None:
-            run.stop = Stop(min(run.stop + 1, Stop.QUICK))
-
-        with stop_signals(stop), metered(takes_s, quiet=quiet) as meter:
-            run.observe(meter.observer())
-            yield run
+    with (
+        asking(machine, moves, yes=yes) as agree,
+        experiment(machine, controlled_as=controlled_as, agree=agree, needs_torque=needs_torque) as run,
+        metered(takes_s, quiet=quiet) as meter,
+    ):
+        run.observe(meter.observer())
+        yield run
 
 
 def instrument_at(place: str, run: AxisRun, seed: int) -> Instrument:

@@ -20,7 +20,8 @@ from gantryctl.program.settings import RampSettings, SpeedSettings, TravelSettin
 from gantryctl.program.stretch import Sector
 from gantryctl.units import deg, rad
 
-# A way shorter than one fine encoder count at the gantry, 1.3e-9 rad, is no way.
+# A way shorter than one fine encoder count at the gantry, 1.3e-9 rad, is no way: 720 increments of 0.25 deg end 3e-14
+# rad beyond 180 deg.
 _NO_WAY_RAD: Final = 1e-9
 # Beyond this the refusal names the range, not the distance left: "target 1e300 deg" has 300 digits.
 _ABSURD_RAD: Final = rad(1e6)
@@ -101,9 +102,9 @@ def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> 
     """Refuse a target outside travel or behind a no-go sector, unless it is nearer to what is permitted."""
     low, high, below, above = travel.stretch(here_rad)
     # The way back from outside is always open.
-    if target_rad > high and target_rad >= here_rad:
+    if target_rad > high + _NO_WAY_RAD and target_rad >= here_rad:
         limit_rad, left_rad, sector = high, high - here_rad, above
-    elif target_rad < low and target_rad <= here_rad:
+    elif target_rad < low - _NO_WAY_RAD and target_rad <= here_rad:
         limit_rad, left_rad, sector = low, here_rad - low, below
     else:
         return check_range(target_rad, travel)
