@@ -159,7 +159,7 @@ def _raised_phases(bench: Bench, criteria: Criteria) -> tuple[_Phase, _Phase, _P
             return 0.0, f"above the jog-release ramp of {most:g} deg/s2"
         move = bench.move(gains)
         if move.reducer_nm > machine.reducer.torque_rated_nm:
-            return move.base_um, f"reducer {move.reducer_nm / 1e3:.1f} kN m"
+            return move.base_um, f"reducer {move.reducer_nm / 1e3:.4g} kN m"
         # The paper does not say how far its base moved: its 0.393 deg/s2 makes 165 um on this plant.
         return move.base_um, _limited(move.limited)
 

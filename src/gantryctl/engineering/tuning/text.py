@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gantryctl.engineering.analysis.text import bands_text, describe
-from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.report.text import TextTable, figure
 from gantryctl.engineering.tuning.bench import TrialMove
 from gantryctl.engineering.tuning.gains import PAPER, Gains
 from gantryctl.engineering.tuning.judge import GainsVerdict
@@ -34,7 +34,7 @@ def _method(tuning: Tuning) -> list[str]:
     designed = tuning.designed
     assert designed is not None
     # Without interpolation one encoder step limits Kvp before any margin does.
-    limit = "" if designed.kvp_max is None else f"; one encoder step permits Kvp up to {designed.kvp_max:.0f}"
+    limit = "" if designed.kvp_max is None else f"; one encoder step permits Kvp up to {designed.kvp_max:.4g}"
     return [f"Found on {designed.corners} corner plants and confirmed on the whole uncertain set{limit}."]
 
 
@@ -127,10 +127,10 @@ def move_rows(move: TrialMove) -> dict[str, str]:
         "speed error motor, deg/s": f"{move.motor_error_deg_s:.4f}",
         "speed error load, deg/s": f"{move.load_error_deg_s:.4f}",
         "following error in cruise, mdeg": f"{1e3 * move.cruise_error_deg:.3g}",
-        "base motion, um p-p": f"{move.base_um:.0f}",
-        "residual base motion, um p-p": f"{move.residual_um:.0f}",
+        "base motion, um p-p": figure(move.base_um, 0),
+        "residual base motion, um p-p": figure(move.residual_um, 0),
         "settled to 0.001 deg after, s": f"{move.settle_s:.2f}",
-        "largest torque, N m": f"{move.torque_nm:.1f}",
+        "largest torque, N m": figure(move.torque_nm, 1),
     }
 
 
