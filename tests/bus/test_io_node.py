@@ -105,6 +105,16 @@ def test_a_node_that_restarts_loses_its_outputs_and_the_axis_stops() -> None:
     off(rig)
 
 
+def test_a_node_that_is_dead_leaves_no_fault_in_the_drive_when_the_controller_leaves() -> None:
+    """The drive is off and answers: 1016 = 0, so that it does not miss a controller that has left."""
+    rig = BusRig(io_machine())
+    rig.run(0.1)
+    rig.io.slave.silent = True
+    rig.run(0.1)
+    rig.engine.close()
+    assert rig.node.od.number(0x1016, 1) == 0
+
+
 def test_telegrams_missed_for_less_than_30_ms_stop_nothing() -> None:
     rig = BusRig(io_machine(), 60.0).power_up().cruise(3.0)
     rig.io.slave.silent = True

@@ -42,6 +42,7 @@ _SWING_DEG_S: Final = 0.53
 # Of the deceleration that was set: ripple of the ramp as the virtual drive shows it, 3 % at 1 deg/s.
 _HARDER: Final = 1.15
 _TOO_LONG: Final = "605A, 6085, torque limit, [virtual_axis] quick_dec_deg_s2; nothing faster before"
+_NOT_THERE: Final = "gains of the drive, [control] kpp_per_s, dead time"
 TURN_SPEED: Final = 3.0
 _MARGIN_DEG: Final = 2.0
 # Over less than this a sine and a constant cannot be told apart well.
@@ -105,7 +106,7 @@ def loop(c: Context) -> StepResult:
     )
     rest = _rest_error_deg(trace)
     proof = f"largest following error {error:.5f} deg at {speed:g} deg/s (band {band:.3f}), {rest:.6f} deg at rest"
-    to_do = "gains of the drive, [control] kpp_per_s, dead time"
+    to_do = _NOT_THERE
     following = Figure(error, high=band)
     return judged(done, "loop", proof, to_do, following_error_deg=following, rest_error_deg=rest)
 
@@ -257,8 +258,9 @@ def slow_turn(c: Context) -> StepResult:
             encoders.look()
 
         run.observe(look)
-        for target in (high, low, c.machine.axis.start_angle_deg):
-            run.move(target, speed)
+        done = [run.move(target, speed).done for target in (high, low, c.machine.axis.start_angle_deg)]
+    if not all(done):
+        return failed("turn", "a move of the travel did not end in position", _NOT_THERE, speed_deg_s=speed)
     trace = recorder.trace()
     ratio = c.machine.axis.ratio
     vel = trace["vel_ref_rad_s"]

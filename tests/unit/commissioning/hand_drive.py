@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import cycle
 from types import SimpleNamespace
 from typing import Any
 
@@ -113,6 +114,21 @@ class HandDrive:
 
     def close(self) -> None:
         self.wrote.append(SAFE_OUTPUT)
+
+
+def answering(drive: HandDrive, *times_s: float) -> HandDrive:
+    """From now on its telegrams answer SYNC after these times, one after the other; infinite: too late for the scan."""
+    left, read = cycle(times_s), drive.read
+    drive.process.answer_times_s = kept = list[float]()
+
+    def reads() -> DriveFeedback:
+        time_s = next(left)
+        if math.isfinite(time_s):
+            kept.append(time_s)
+        return read()
+
+    drive.read = reads  # type: ignore[method-assign]
+    return drive
 
 
 def axis_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -18,7 +19,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import Machine, with_values
 from gantryctl.operation.home_reference import AbsoluteReading, RestVerdict
-from unit.commissioning.hand_drive import MACHINE, HandDrive, context, enabled, opens
+from unit.commissioning.hand_drive import MACHINE, HandDrive, answering, context, enabled, opens
 
 SPAN = 2**31
 
@@ -93,7 +94,7 @@ def test_a_command_that_shows_too_late_fails(
         write(output if asked[0] >= scans else output._replace(request=type(output.request).DISABLE))
 
     drive.write = late  # type: ignore[method-assign]
-    drive.process.answer_times_s = [0.001]
+    answering(drive, 0.001)
     found = judged(monkeypatch, "sync", drive)
     assert found.number("dead_scans") == scans
     assert (found.outcome is Outcome.PASSED) is passes
@@ -103,7 +104,7 @@ def test_a_drive_that_is_never_enabled_is_waited_for_a_hundred_scans(monkeypatch
     drive = bus_drive(0, 0)
     write = drive.write
     drive.write = lambda output: write(output._replace(request=DriveRequest.DISABLE))  # type: ignore[method-assign]
-    drive.process.answer_times_s = [0.001]
+    answering(drive, 0.001)
     found = judged(monkeypatch, "sync", drive)
     assert (found.outcome, found.number("dead_scans")) == (Outcome.FAILED, 100.0)
 
@@ -112,7 +113,7 @@ def test_a_drive_that_is_not_off_shows_no_dead_time(monkeypatch: pytest.MonkeyPa
     """A drive in its fault has left Switch on disabled before any command: 0 scans would be a proof of nothing."""
     drive = bus_drive(0, 0)
     drive.spoil = lambda seen: seen._replace(state=DriveState.FAULT)
-    drive.process.answer_times_s = [0.001]
+    answering(drive, 0.001)
     found = judged(monkeypatch, "sync", drive)
     assert (found.outcome, found.figures) == (Outcome.FAILED, {})
     assert "the drive is in fault" in found.proof
@@ -154,7 +155,7 @@ def test_answers_that_leave_the_program_too_little_of_the_scan_fail(
 ) -> None:
     """Three quarters of 4 ms, of a bus that runs by the clock."""
     drive = bus_drive(0, 0)
-    drive.process.answer_times_s = [1e-3 * answer_ms] * 100
+    answering(drive, 1e-3 * answer_ms)
     machine = with_values(MACHINE, {"can.interface": "socketcan", "can.channel": "can0"})
     found = judged(monkeypatch, "sync", drive, machine)
     assert found.number("answer_p99_ms") == pytest.approx(answer_ms)
@@ -164,7 +165,7 @@ def test_answers_that_leave_the_program_too_little_of_the_scan_fail(
 def test_answers_of_a_drive_without_a_time_of_its_own_have_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """SYNC steps it: its answers are as late as this computer is busy."""
     drive = bus_drive(0, 0)
-    drive.process.answer_times_s = [3.9e-3] * 100
+    answering(drive, 3.9e-3)
     found = judged(monkeypatch, "sync", drive)
     assert (found.outcome, found.figures["answer_p99_ms"].high) == (Outcome.PASSED, None)
 
@@ -172,13 +173,32 @@ def test_answers_of_a_drive_without_a_time_of_its_own_have_no_limit(monkeypatch:
 def test_one_answer_in_a_hundred_that_is_late_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     """99 after 1 ms and one after 3.5 ms, of 4 ms."""
     drive = bus_drive(0, 0)
-    drive.process.answer_times_s = [0.0035, *[0.001] * 99]
+    answering(drive, 0.0035, *[0.001] * 99)
     machine = with_values(MACHINE, {"can.interface": "socketcan", "can.channel": "can0"})
     found = judged(monkeypatch, "sync", drive, machine)
     assert (found.number("answer_p50_ms"), found.number("answer_p99_ms")) == pytest.approx((1.0, 3.5))
     assert found.outcome is Outcome.FAILED
     # What was asked for to see the dead time is taken back.
     assert [output.request for output in drive.wrote[-5:]] == [DriveRequest.DISABLE] * 5
+
+
+@pytest.mark.parametrize(("late", "passes"), [(1, False), (0, True)])
+def test_answers_that_no_scan_has_waited_for_are_no_quick_ones(
+    monkeypatch: pytest.MonkeyPatch, late: int, passes: bool
+) -> None:
+    """One in a hundred comes behind the 2 ms of `answer_ms`: in its scan the axis goes by what was a scan before."""
+    drive = answering(bus_drive(0, 0), *[math.inf] * late, *[0.001] * (100 - late))
+    machine = with_values(MACHINE, {"can.interface": "socketcan", "can.channel": "can0"})
+    found = judged(monkeypatch, "sync", drive, machine)
+    assert (found.outcome is Outcome.PASSED) is passes
+    assert (found.figures["answer_p99_ms"].value is None) is not passes
+
+
+def test_what_was_answered_before_the_watch_is_no_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quick answers of the set-up, of before the bus was watched."""
+    drive = answering(bus_drive(0, 0), 0.001)
+    drive.process.answer_times_s += [0.0001] * 1000
+    assert judged(monkeypatch, "sync", drive).number("answer_p99_ms") == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("inverted", "pdo"), [(False, 400), (True, SPAN - 400)])

@@ -66,8 +66,9 @@ class Moves:
     def observe(self, look: Any) -> None:
         self.look = look
 
-    def move(self, *target: float) -> None:
+    def move(self, *target: float) -> SimpleNamespace:
         self.told.append(target)
+        return SimpleNamespace(done=True)
 
     def jog(self, *how: Any) -> None:
         self.told.append(how)

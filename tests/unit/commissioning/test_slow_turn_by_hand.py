@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from gantryctl.commissioning import steps_motion
+from gantryctl.commissioning.results import Outcome
 from unit.commissioning.hand_drive import (
     PERIOD_S,
     context,
@@ -25,7 +26,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch, trace: dict[str, np.ndarray]) -> N
 
     @contextmanager
     def run(c: object, part: str) -> Iterator[tuple[Any, Any]]:
-        nothing = lambda *_: None  # noqa: E731
+        nothing = lambda *_: SimpleNamespace(done=True)  # noqa: E731
         yield (
             SimpleNamespace(angle_deg=0.0, jog=nothing, move=nothing, observe=nothing),
             SimpleNamespace(trace=lambda: trace),
@@ -45,6 +46,23 @@ def test_the_way_of_a_jog_release_is_that_of_its_ramp(
     recorded(monkeypatch, {"vel_ref_rad_s": np.radians(vel), "pos_act_rad": np.radians(way)})
     # One scan of 0.012 deg.
     assert steps_motion._jog_release(context(), 3.0) == pytest.approx(0.9, abs=0.012)
+
+
+@pytest.mark.parametrize("ended", [(False, True, True), (True, False, True), (True, True, False)])
+def test_a_turn_whose_move_did_not_end_in_position_fails(
+    monkeypatch: pytest.MonkeyPatch, ended: tuple[bool, ...]
+) -> None:
+    left = list(ended)
+
+    @contextmanager
+    def run(c: object, part: str) -> Iterator[tuple[Any, Any]]:
+        move = lambda *_: SimpleNamespace(done=left.pop(0))  # noqa: E731
+        yield SimpleNamespace(move=move, observe=lambda look: None), None
+
+    monkeypatch.setattr(steps_motion, "_recorded_run", run)
+    found = steps_motion.slow_turn(context())
+    assert (found.outcome, left) == (Outcome.FAILED, [])
+    assert "did not end in position" in found.proof
 
 
 def test_friction_and_eccentric_moment_are_told_at_the_load(monkeypatch: pytest.MonkeyPatch) -> None:

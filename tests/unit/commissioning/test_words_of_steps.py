@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,7 @@ from gantryctl.image import DriveState
 from gantryctl.machine import with_values
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.alarms.words import Words
-from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context, opens
+from unit.commissioning.hand_drive import MACHINE, HandDrive, answering, axis_of, context, opens
 
 pytestmark = pytest.mark.can
 
@@ -39,10 +40,12 @@ def test_sync_tells_the_middle_and_the_late_answers_and_the_time_of_a_command(
 ) -> None:
     """Scans of 4 ms; the drive shows a command in the first of them."""
     drive = HandDrive()
-    drive.process.answer_times_s = [0.0035, *[0.001] * 99]
+    answering(drive, 0.0035, *[0.001] * 99)
     monkeypatch.setattr(steps_bus, "open_loop_axis", opens(drive))
     proof = steps_bus.sync(context()).proof
-    assert proof == ("answers 1.00 ms after SYNC (p50), 3.50 ms (p99); a command shows 1 scans later (4 ms)")
+    assert proof == "answers 1.00 ms after SYNC (p50), 3.50 ms (p99); a command shows 1 scans later (4 ms)"
+    answering(drive, math.inf, *[0.001] * 99)
+    assert "1.00 ms after SYNC (p50), over 2 ms (p99)" in steps_bus.sync(context()).proof
 
 
 def test_a_push_tells_what_was_given_and_what_is_not_shown(step: Any) -> None:
@@ -75,7 +78,7 @@ def test_friction_of_a_short_travel_is_told_in_kn_m(monkeypatch: pytest.MonkeyPa
 
     @contextmanager
     def run(*_: object) -> Iterator[tuple[Any, Any]]:
-        nothing = lambda *_: None  # noqa: E731
+        nothing = lambda *_: SimpleNamespace(done=True)  # noqa: E731
         yield SimpleNamespace(move=nothing, observe=nothing), SimpleNamespace(trace=lambda: trace)
 
     monkeypatch.setattr(steps_motion, "_recorded_run", run)

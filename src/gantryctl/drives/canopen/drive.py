@@ -518,10 +518,11 @@ class CanopenDrive:
 
     def _take_the_watch_off(self) -> None:
         """Stop process data and the drive's heartbeat consumer (1016): silence is no fault any more."""
-        self.beside.release()
         self.node.enter_pre_operational()
         if self.node.sdo.optional(0x1016, 1):
             self.node.sdo.set(0x1016, 1, 0)
+        # Behind the drive's: a node that does not answer any more leaves no fault in a drive that does.
+        self.beside.release()
 
     def _comes_to_rest(self) -> bool:
         """Scan with safe outputs until the drive is off and its shaft at rest; False for one that does not show it."""

@@ -67,6 +67,17 @@ def test_a_set_up_brings_the_fault_code_of_the_drive_and_no_older_one(
         assert bench.drive.node.emergencies.code == code
 
 
+def test_an_error_that_is_reset_has_no_code_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """EMCY 0000 of a drive that still shows its fault: the next cause is asked for."""
+    bench = Bench().open()
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x08)
+    told = []
+    for data in ("10 23 02", "00 00 00"):
+        bench.drive.node.emergencies.take(bytes.fromhex(data), 1)
+        told.append(bench.drive._feedback().error_code)
+    assert told == [0x2310, 0]
+
+
 def test_the_code_of_a_fault_that_is_over_explains_no_later_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some drives send no "error reset" (EMCY 0000), and 603F of some keeps the last error; then 603F is read again."""
     bench = Bench().open()
@@ -262,6 +273,16 @@ def test_an_answer_that_is_no_refusal_has_no_abort_code() -> None:
     assert seen == [None, b"\x05\x00\x00\x00", None]
 
 
+def test_the_answer_to_another_sub_index_is_none() -> None:
+    """1016 has an entry for each node that is watched; that of the controller is the first."""
+    node = remote_node(Wire())
+    requests, seen = SdoRequests(node), list[bytes | None]()
+    requests.read(0x1016, 1, seen.append)
+    for answer in ("43 16 10 02 00 00 00 00", "43 16 10 01 96 00 7F 00"):
+        node.dispatch(Frame(0x582, bytes.fromhex(answer)))
+    assert seen == [bytes.fromhex("96 00 7F 00")]
+
+
 # --- telegrams --------------------------------------------------------------------------------------------------------
 
 
@@ -290,6 +311,16 @@ def test_a_late_position_behind_a_scan_that_was_missed_is_older() -> None:
     bus.sync(other)
     position = (TURN + 2 * 2097).to_bytes(4, "little").hex(" ")
     assert bus.sync((0x182, f"37 12 {position} 9C FF"), other, periods=2).age == 2
+
+
+def test_a_position_ahead_of_its_place_is_no_old_one() -> None:
+    """Two answers are missing, and the axis was faster: 5 x 2097 increments on where 3 were expected."""
+    bus, other = Telegrams(), (0x282, "00 00 08 00 02 00 01 00")
+    bus.sync(BOTH[0], other)
+    bus.sync(other)
+    bus.sync(other)
+    position = (TURN + 5 * 2097).to_bytes(4, "little").hex(" ")
+    assert bus.sync((0x182, f"37 12 {position} 9C FF"), other).age == 0
 
 
 @pytest.mark.parametrize(("inverted", "sign"), [(False, 1), (True, -1)])

@@ -72,6 +72,18 @@ def test_behind_more_frames_than_a_scan_takes_no_position_is_believed(
     bench.drive.close()
 
 
+def test_a_drive_that_says_between_two_scans_that_it_is_not_operational_is_lost_in_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its heartbeat waits before SYNC goes out, and is of this scan."""
+    bench = Bench().open().enable()
+    waiting = [Frame(0x702, b"\x7f")]
+    receive = bench.link.receive
+    monkeypatch.setattr(bench.link, "receive", lambda wait: waiting.pop() if waiting else receive(wait))
+    assert LinkFlag.NOT_OPERATIONAL in bench.scan().link
+    bench.drive.close()
+
+
 def test_a_drive_is_asked_once_for_each_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second SYNC in a scan would make the drive interpolate over half of its time."""
     bench = Bench().open()

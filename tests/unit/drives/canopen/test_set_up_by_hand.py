@@ -279,16 +279,20 @@ def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:
 
 
 def test_what_a_drive_takes_no_value_for_is_known() -> None:
-    """Cannot be written, and out of range, is never; not now, in this state, is no property of the drive."""
+    """Cannot be written, or out of range, is never; not now, or for no reason, is no property of the drive."""
     parameters = wanted_of(settings(), None)
     compared = {(p.obj, p.sub) for p in parameters if not p.writable}
     assert compared == {(0x60A9, 0), (0x6502, 0), (0x608F, 1), (0x608F, 2), (0x6076, 0)}
     sdo = Dictionary({(p.obj, p.sub): 0 for p in parameters})
     sdo.refused = {(0x605A, 0): READ_ONLY, (0x6085, 0): 0x0609_0031, (0x6007, 0): 0x0800_0022}
+    sdo.refused |= {(0x605E, 0): 0x0800_0000, (0x605B, 0): 0x0604_0043}
     del sdo.values[0x605D, 0]
     refused, codes = check.write_parameters(sdo, parameters)  # type: ignore[arg-type]
     assert refused == {(0x605A, 0), (0x6085, 0)}
-    assert codes == {"605A:00": READ_ONLY, "6085:00": 0x0609_0031, "6007:00": 0x0800_0022}
+    assert codes == {
+        "605A:00": READ_ONLY, "6085:00": 0x0609_0031, "6007:00": 0x0800_0022, "605E:00": 0x0800_0000,
+        "605B:00": 0x0604_0043,
+    }  # fmt: skip
     # What is right already is not written, what only the maker's tool writes neither.
     assert {(i, s) for i, s, _ in sdo.written} == {
         (p.obj, p.sub) for p in parameters if p.writable and p.value

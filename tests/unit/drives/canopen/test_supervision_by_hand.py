@@ -161,6 +161,17 @@ def test_a_complaint_is_told_for_a_second(state: DriveState) -> None:
     assert drive.watch.complaint == 0
 
 
+@pytest.mark.parametrize("state", [S.SWITCH_ON_DISABLED, S.NOT_READY_TO_SWITCH_ON, S.UNKNOWN])
+def test_a_drive_that_complains_and_switches_itself_off_is_told(state: DriveState) -> None:
+    """Off is no fault state: nothing else tells why."""
+    drive = Watched()
+    drive.scan()
+    drive.node.emergencies.take(bytes.fromhex("10 23 02"), 1)
+    drive.scan()
+    flags = [drive.scan(state, 0x0240) for _ in range(8)]
+    assert (flags, drive.watch.complaint) == ([LinkFlag.NONE] * 7 + [LinkFlag.EMERGENCY], 0x2310)
+
+
 @pytest.mark.parametrize(("messages", "told"), [(10, False), (11, True)])
 def test_more_than_ten_messages_in_a_second_are_a_flood_until_the_next(messages: int, told: bool) -> None:
     """Warnings, which are no complaint of their own; a second has 250 scans."""
