@@ -74,7 +74,7 @@ def test_an_error_that_is_reset_has_no_code_any_more(monkeypatch: pytest.MonkeyP
     told = []
     for data in ("10 23 02", "00 00 00"):
         bench.drive.node.emergencies.take(bytes.fromhex(data), 1)
-        told.append(bench.drive._feedback().error_code)
+        told.append(bench.scan(R.DISABLE).error_code)
     assert told == [0x2310, 0]
 
 
