@@ -147,7 +147,7 @@ def _measured(
     begin, end = (machine.axis.dial.text(at, ".1f") for at in (min(starts), 2.0 * angle_deg - min(starts)))
     moves = (
         f"moves to {begin} deg, stands and turns slowly to {end} deg for 8 minutes, with a test signal of "
-        f"+-{largest_nm:.1f} N m on its speed command"
+        f"+-{largest_nm:.3g} N m on its speed command"
     )
     with bus_experiment(
         machine, moves, takes_s=_ON_BUS_S, yes=yes, quiet=quiet, controlled_as=quiet_machine(machine)

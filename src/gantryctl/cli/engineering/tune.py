@@ -153,12 +153,13 @@ def _tune_on_bus(
     if waiting is None:
         # The model needs the inertia of this machine: before anything moves.
         check_calibration(machine)
-    moves = (
-        f"moves to 60 deg, turns slowly to 105 deg and stands at 75 deg for 5 minutes, with test signals of up to "
-        f"+-{0.15 * machine.motor.torque_rated_nm:.0f} N m on its speed command"
-    )
     with bus_experiment(
-        machine, moves, takes_s=_ON_BUS_S, yes=yes, quiet=as_json, controlled_as=quiet_machine(machine)
+        machine,
+        on_bus.moves_text(machine),
+        takes_s=_ON_BUS_S,
+        yes=yes,
+        quiet=as_json,
+        controlled_as=quiet_machine(machine),
     ) as run:
         session = (
             on_bus.begin(machine, run, conditions) if waiting is None else on_bus.end(machine, run, waiting)

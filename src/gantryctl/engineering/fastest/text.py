@@ -8,26 +8,31 @@ from typing import Any
 
 from gantryctl.engineering.fastest.search import Fastest
 from gantryctl.engineering.report.data import plain
-from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.report.text import TextTable, decimals, figure
 from gantryctl.machine import Machine
+
+_UM = (("base_um", 0), ("residual_um", 1))
 
 
 def fastest_table(
     machine: Machine, ends_deg: tuple[float, float], found: Sequence[Sequence[Fastest]]
 ) -> TextTable:
     """One row for each length of the ramps under each set of limits; the fastest of a set is marked."""
+    every = [each.move for some in found for each in some]
+    base, after = (decimals([getattr(move, name) for move in every], least) for name, least in _UM)
+    motor, reducer = decimals([m.motor_nm for m in every], 0), decimals([m.reducer_knm for m in every], 2)
     rows = [
         {
-            "permitted\num": "any" if math.isinf(each.limits.base_um) else f"{each.limits.base_um:.0f}",
+            "permitted\num": "any" if math.isinf(each.limits.base_um) else figure(each.limits.base_um, 0),
             "ramp\ns": f"{each.ramp_s:.3f}",
             "acceleration\ndeg/s2": f"{each.acc_deg_s2:.3f}",
             "jerk\ndeg/s3": f"{each.jerk_deg_s3:.2f}",
             "time\ns": f"{each.move.time_s:.2f}",
-            "base\num p-p": f"{each.move.base_um:.0f}",
-            "after\num": f"{each.move.residual_um:.1f}",
+            "base\num p-p": f"{each.move.base_um:.{base}f}",
+            "after\num": f"{each.move.residual_um:.{after}f}",
             "load\ndeg/s": f"{each.move.load_error_deg_s:.4f}",
-            "motor\nN m": f"{each.move.motor_nm:.0f}",
-            "reducer\nkN m": f"{each.move.reducer_knm:.2f}",
+            "motor\nN m": f"{each.move.motor_nm:.{motor}f}",
+            "reducer\nkN m": f"{each.move.reducer_knm:.{reducer}f}",
             "binding": each.binding + (", fastest" if each is min(some, key=_time_s) else ""),
         }
         for some in found
@@ -42,7 +47,7 @@ def fastest_notes(machine: Machine, found: Sequence[Sequence[Fastest]]) -> list[
     limits = found[0][0].limits
     after = "" if math.isinf(limits.after_um) else f", {limits.after_um:g} um of base motion after the move"
     bounds = "; ".join(
-        f"{some[0].bound_s:.2f} s with {some[0].limits.base_um:.0f} um"
+        f"{some[0].bound_s:.2f} s with {figure(some[0].limits.base_um, 0)} um"
         for some in found
         if math.isfinite(some[0].limits.base_um)
     )

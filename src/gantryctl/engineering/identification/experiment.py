@@ -35,7 +35,7 @@ _RAMP_PERIODS: Final = 23.3
 _SWING_ACC_SHARE: Final = 0.44
 # Where the speed loop is measured, the room that it turns in, and for how long at most: friction slides.
 _SPEED_LOOP_DEG: Final = (60.0, 110.0)
-_SPEED_LOOP_S: Final = 100.0
+SPEED_LOOP_S: Final = 100.0
 # Of the travel, kept at both ends.
 _MARGIN_DEG: Final = 0.5
 
@@ -82,7 +82,7 @@ class Experiment:
         swings = sum(2.0 * abs(outer - inner) for inner, outer in self.swings_deg)
         way += self.check_deg[1] - self.check_deg[0]
         turning_s = 2.0 * way / self.turn_deg_s + creep / self.creep_deg_s + 1.5 * swings / self.swing_deg_s
-        return (turning_s + _SPEED_LOOP_S) / 60.0
+        return (turning_s + SPEED_LOOP_S) / 60.0
 
 
 def expected_waves(machine: Machine) -> tuple[float, ...]:
@@ -132,7 +132,7 @@ def experiment_of(machine: Machine) -> Experiment:
         settle_s=6.0 / mode_hz,
         block_s=0.08 / mode_hz,
         speed_loop_deg=start,
-        speed_loop_deg_s=min(turn, (most - margin - start) / _SPEED_LOOP_S),
+        speed_loop_deg_s=min(turn, (most - margin - start) / SPEED_LOOP_S),
     )
 
 

@@ -223,9 +223,9 @@ def _reducer(shown: Fit) -> list[str]:
     swinging = train.reducer_nm(train.sizing_acc_rad_s2, 2.0)
     if swinging > gears.torque_momentary_nm:
         found.append(
-            f"As a step the sizing acceleration would swing the reducer up to {figure(swinging / 1e3, 0)} kN m, above its "
-            f"momentary {figure(gears.torque_momentary_nm / 1e3, 1)} kN m: it needs a jerk limit. The reducer and the base "
-            "are the limit, not the motor."
+            f"As a step the sizing acceleration would swing the reducer up to {figure(swinging / 1e3, 0)} kN m, above "
+            f"its momentary {figure(gears.torque_momentary_nm / 1e3, 1)} kN m: it needs a jerk limit. The reducer and "
+            "the base are the limit, not the motor."
         )
     usable = usable_torque_nm(train.sheet, shown.motor)
     if usable < shown.motor.motor.torque_max_nm:

@@ -23,6 +23,7 @@ from gantryctl.engineering.batch import (
     in_lockstep,
     settling_s,
 )
+from gantryctl.engineering.report.text import decimals
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.machine.places import heaviest_deg
@@ -298,6 +299,7 @@ class StopTable(list[StopRow]):
 
     def _repr_html_(self) -> str:
         head = ("stop", "from, deg/s", "angle, deg", "with reaction, deg", "time, s", "motor, N m", "")
+        torque = decimals([row.stop.torque_motor_nm for row in self], 0)
         rows = [
             (
                 row.stop.stop_class.value,
@@ -305,7 +307,7 @@ class StopTable(list[StopRow]):
                 f"{row.stop.angle_deg:.2f}",
                 f"{row.angle_with_reaction_deg:.2f}",
                 f"{row.stop.time_s:.2f}",
-                f"{row.stop.torque_motor_nm:.0f}",
+                f"{row.stop.torque_motor_nm:.{torque}f}",
                 "inspect afterwards" if row.inspect else "",
             )
             for row in self

@@ -32,10 +32,11 @@ def stops_text(rows: Sequence[StopRow]) -> TextTable:
     motor = decimals([stop.torque_motor_nm for stop in stops], 0)
     reducer = decimals([stop.torque_reducer_nm / 1e3 for stop in stops], 1)
     energy = decimals([max(stop.brake_energy_kj, stop.motor_energy_kj) for stop in stops], 1)
-    return TextTable.of("", [_row(row, motor, reducer, energy) for row in rows])._replace(left=(0, 12))
+    base = decimals([stop.base_um for stop in stops], 0)
+    return TextTable.of("", [_row(row, motor, reducer, energy, base) for row in rows])._replace(left=(0, 12))
 
 
-def _row(row: StopRow, motor: int, reducer: int, energy: int) -> dict[str, str]:
+def _row(row: StopRow, motor: int, reducer: int, energy: int, base: int) -> dict[str, str]:
     stop = row.stop
     return {
         "stop": stop.stop_class.value,
@@ -45,7 +46,7 @@ def _row(row: StopRow, motor: int, reducer: int, energy: int) -> dict[str, str]:
         "time\ns": f"{stop.time_s:.2f}",
         "motor\nN m": f"{stop.torque_motor_nm:.{motor}f}",
         "reducer\nkN m": f"{stop.torque_reducer_nm / 1e3:.{reducer}f}",
-        "base\num p-p": f"{stop.base_um:.0f}",
+        "base\num p-p": f"{stop.base_um:.{base}f}",
         "motor\nkJ": f"{stop.motor_energy_kj:.{energy}f}",
         "brake\nkJ": f"{stop.brake_energy_kj:.{energy}f}" if stop.brake_energy_kj else "-",
         "load swing\ndeg/s": f"{stop.load_swing_deg_s:.2f}",

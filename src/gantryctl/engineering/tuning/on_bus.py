@@ -24,7 +24,7 @@ from gantryctl.engineering.analysis.measured.response import (
     measure_on,
 )
 from gantryctl.engineering.analysis.measured.speed_loop import HangingLoad, SpeedLoop, measured_speed_loop
-from gantryctl.engineering.identification.experiment import experiment_of
+from gantryctl.engineering.identification.experiment import SPEED_LOOP_S, experiment_of
 from gantryctl.engineering.identification.measure import SPEED_LOOP_SHARES
 from gantryctl.engineering.stops import check_quick_stop
 from gantryctl.engineering.tuning.by_margins import STATED, Conditions, by_margins
@@ -32,7 +32,7 @@ from gantryctl.engineering.tuning.gains import Gains, configured, machine_with
 from gantryctl.errors import ConfigError, StateError, UsageError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine, with_values
-from gantryctl.machine.places import reach_deg
+from gantryctl.machine.places import one_flank_deg, reach_deg
 from gantryctl.operation.run import AxisRun
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.simulator import drive_params
@@ -117,6 +117,18 @@ class TuningSession:
         return bool(self.checks) and all(check.passed for check in self.checks)
 
 
+def moves_text(machine: Machine) -> str:
+    """What `measured_drive` does, for the person who lets it move."""
+    experiment, dial = experiment_of(machine), machine.axis.dial
+    begin = experiment.speed_loop_deg
+    end = min(reach_deg(machine)[1], begin + SPEED_LOOP_S * experiment.speed_loop_deg_s)
+    return (
+        f"moves to {dial.text(begin)} deg, turns slowly to {dial.text(end)} deg at most and stands at "
+        f"{dial.text(one_flank_deg(machine))} deg for 5 minutes, with test signals of up to "
+        f"+-{SPEED_LOOP_SHARES[0] * machine.motor.torque_rated_nm:.3g} N m on its speed command"
+    )
+
+
 def measured_drive(machine: Machine, run: AxisRun) -> DriveFigures:
     """Measure speed loop and position loop of a machine under power: some 5 minutes.
 
@@ -135,7 +147,8 @@ def measured_drive(machine: Machine, run: AxisRun) -> DriveFigures:
         EngineProbe(run, TORQUE_LIMIT_SHARE * rated_nm), SPEED_LOOP_SHARES[0] * rated_nm
     )
     run.halt()
-    sensitivity, hz = _sensitivity(measure_on(machine, run, conditions(machine)[0]))
+    standing = conditions(machine, one_flank_deg(machine))[0]
+    sensitivity, hz = _sensitivity(measure_on(machine, run, standing))
     return DriveFigures(loop, sensitivity, hz)
 
 

@@ -12,6 +12,7 @@ import pytest
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.batch.loop import Log
 from gantryctl.engineering.comparison import key_figures, profiles, text
+from gantryctl.engineering.comparison.drift_file import Change, DriftRow
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 
 
@@ -108,3 +109,10 @@ def test_a_small_axis_has_figures_and_no_zeros_in_the_table_of_the_rows() -> Non
     assert cells["reducer\nkN m"] == "0.011"
     assert cells["base\num p-p"] == "0.44"
     assert cells["A true\nproc. A"] == "1.0000"
+
+
+def test_two_changes_of_one_key_are_made_one_after_the_other() -> None:
+    """2.18e6 kg m2, a tenth more, and 1e5 on top."""
+    key = "plant.load.inertia_kg_m2"
+    row = DriftRow("heavier", "", (Change(key, "times", 1.1), Change(key, "plus", 1e5)))
+    assert row.on(default_machine()).plant.load.inertia_kg_m2 == pytest.approx(1.1 * 2.18e6 + 1e5)

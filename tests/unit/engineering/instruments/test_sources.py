@@ -124,6 +124,16 @@ def test_a_polygon_shows_its_faces_and_nothing_between() -> None:
         SimulatedInstrument("polygon", lambda _: 95.0, faces, 1).read(0.0)
 
 
+def test_an_indexing_base_errs_at_every_quarter_on_either_side_of_zero() -> None:
+    """-90 and 270 deg are one place, with one error; 0, 90 and 180 deg have theirs."""
+    (base,) = (each for each in sources_of("level") if each.name.startswith("indexing base"))
+    angles = np.array([-90.0, 270.0, 0.0, 90.0, -180.0])
+    seen = base.covariance(angles, np.zeros(5))
+    expected = np.eye(5)
+    expected[0, 1] = expected[1, 0] = 1.0
+    assert seen.tolist() == expected.tolist()
+
+
 @pytest.mark.parametrize("name", INSTRUMENTS)
 def test_a_simulated_instrument_states_what_it_is_wrong_by(name: str) -> None:
     readings = [

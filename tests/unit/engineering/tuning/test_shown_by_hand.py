@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+import pytest
+
+from gantryctl.engineering.analysis.measured.response import Condition
+from gantryctl.engineering.tuning import on_bus
 from gantryctl.engineering.tuning.bench import TrialMove
 from gantryctl.engineering.tuning.by_margins import Designed
 from gantryctl.engineering.tuning.gains import Gains
+from gantryctl.engineering.tuning.on_bus import moves_text
 from gantryctl.engineering.tuning.text import move_rows, sentences
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.machine.places import one_flank_deg
 
+BEYOND = {"pos": 20.0, "over_travel": 20.5, "limit_switch": 22.0, "mechanical_stop": 27.0}
+SHORT = with_values(
+    default_machine(),
+    {
+        f"axis.{what}_{side}_deg": sign * at
+        for what, at in BEYOND.items()
+        for side, sign in (("min", -1), ("max", 1))
+    },
+)
 MOVE = TrialMove(0.0, 0.0069, 0.5271, 0.53, 1.24, 0.031, 0.6, 0.312, 8.0, 3.91, False)
 
 
@@ -27,3 +45,42 @@ def test_what_an_encoder_step_permits_of_a_small_motor_is_no_zero() -> None:
     designed = Designed(Gains(0.06, 0.028, 9.4, 1.0, 24.0), 24, 0.06675)
     tuning: Any = SimpleNamespace(tuned=None, designed=designed, candidates=())
     assert sentences(tuning)[0].endswith("one encoder step permits Kvp up to 0.06675.")
+
+
+def test_a_person_is_told_where_a_measurement_goes_on_this_axis_and_how_hard() -> None:
+    """0.15 of the rated torque, 257 and 0.64 N m; at 1 and 1.195 deg/s for 100 s at most, from 60 deg on."""
+    gantry, table, tilt = (
+        moves_text(each)
+        for each in (default_machine(), load_machine(configs_folder() / "rotary_table.toml"), SHORT)
+    )
+    assert gantry.startswith("moves to 60 deg, turns slowly to 160 deg at most and stands at 75 deg")
+    assert "+-38.5 N m" in gantry
+    assert "to 179.5 deg at most" in table
+    assert "+-0.096 N m" in table
+    begin, end, stands = (float(each) for each in re.findall(r"(-?\d+\.?\d*) deg", tilt))
+    low, high = SHORT.axis.pos_min_deg, SHORT.axis.pos_max_deg
+    assert low < begin < end < high
+    assert low < stands < high
+
+
+def test_the_position_loop_is_measured_where_the_gears_of_this_axis_stay_on_one_flank(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """75 deg on the reference gantry, which an axis of -20 to 20 deg does not reach."""
+    asked: list[float] = []
+
+    def measured(machine: Machine, run: object, condition: Condition) -> Any:
+        asked.append(condition.angle_deg)
+        return SimpleNamespace(
+            trusted=np.ones(1),
+            measured=SimpleNamespace(position_open=np.array([0.5]), hz=np.array([1.0])),
+        )
+
+    run: Any = SimpleNamespace(**dict.fromkeys(("move", "begin_move", "follow", "halt"), lambda *_: None))
+    monkeypatch.setattr(on_bus, "measure_on", measured)
+    monkeypatch.setattr(on_bus, "EngineProbe", lambda *_: None)
+    monkeypatch.setattr(on_bus, "measured_speed_loop", lambda *_: None)
+    for machine in (default_machine(), SHORT):
+        on_bus.measured_drive(machine, run)
+    assert asked == [75.0, one_flank_deg(SHORT)]
+    assert SHORT.axis.pos_min_deg < asked[1] < SHORT.axis.pos_max_deg

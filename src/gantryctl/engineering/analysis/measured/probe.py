@@ -84,7 +84,7 @@ class ProbeLimits:
     def violation(self, torque_nm: float, angle_rad: float) -> str:
         """What is beyond its limit, with both values; "" for nothing."""
         if not abs(torque_nm) <= self.torque_nm:
-            return f"the torque is {torque_nm:.1f} N m, permitted +-{self.torque_nm:.1f} N m"
+            return f"the torque is {torque_nm:.4g} N m, permitted +-{self.torque_nm:.4g} N m"
         if not self.pos_min_rad <= angle_rad <= self.pos_max_rad:
             permitted = self.dial.span(deg(self.pos_min_rad), deg(self.pos_max_rad), ".2f")
             return f"the angle is {self.dial.text(deg(angle_rad), '.2f')} deg, permitted {permitted} deg"

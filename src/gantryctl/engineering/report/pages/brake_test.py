@@ -26,8 +26,8 @@ def render_brake_test(found: BrakeTestReport, ended_by: str, origin: Origin, hea
     required = [
         Required(
             f"torque held, {name}",
-            f"{found.level_nm:.1f} N m at the motor for 2 s",
-            f"{abs(value):.1f} N m" if math.isfinite(value) else "not held",
+            f"{found.level_nm:.4g} N m at the motor for 2 s",
+            f"{abs(value):.4g} N m" if math.isfinite(value) else "not held",
             judged_as(math.isfinite(value)),
         )
         for name, value in both
