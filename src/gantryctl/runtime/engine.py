@@ -27,7 +27,7 @@ from gantryctl.runtime.clocks import VirtualClock
 from gantryctl.runtime.interrupts import DeferredInterrupt
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
 from gantryctl.runtime.statistics import ScanStatistics
-from gantryctl.runtime.stopping import StopProgram, quick_stop_output
+from gantryctl.runtime.stopping import StopProgram, StopTimes, quick_stop_output
 from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees, unit_of
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ class Engine:
         statistics: how well real time was kept; nothing is measured in virtual time.
         failure: what ended the program, or None.
         overrun_limits: when the policy acts; the caller may set others.
+        stop_times: of the stop behind a failure; the caller may set others.
         system_stop: why the overrun policy stops the axis, or None; whoever has acknowledged it clears it.
         recording_fault: why the recording ended early, or None.
     """
@@ -91,6 +92,7 @@ class Engine:
         self.period_s = period_s
         self.recorder, self.truth = recorder, truth
         self.overrun_policy, self.overrun_limits = overrun_policy, OverrunLimits()
+        self.stop_times = StopTimes()
         self.scan = 0
         self.image: InputImage = NOTHING_READ
         self.output: OutputImage = SAFE_OUTPUT
@@ -266,7 +268,7 @@ class Engine:
         # The brake stays as it was: closing on a turning gantry loads the reducer more than the ramp (decision 0006).
         output = quick_stop_output(self.output.brake_open)
         if not isinstance(self._active, StopProgram):
-            self._active = StopProgram(output.brake_open, self.program.trace_columns)
+            self._active = StopProgram(output.brake_open, self.program.trace_columns, self.stop_times)
         try:
             with suppress(Exception):
                 if self._record is not None:

@@ -1,6 +1,7 @@
 """What a stop has shown, and what keeps a reset back: each condition alone."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -27,8 +28,11 @@ def power(phase=PowerPhase.ON, **said):
 class Stop:
     """A stop from 3 deg/s at 10 deg, seen scan by scan."""
 
-    def __init__(self, reaction=Reaction.TORQUE_OFF, period_s=0.001, before=None, at_scan=0, **said):
+    def __init__(self, reaction=Reaction.TORQUE_OFF, period_s=0.001, before=None, at_scan=0, dec=None, **said):
         self.parts = Parts(period_s)
+        settings = self.parts.settings
+        if dec is not None:
+            settings = replace(settings, ramps=replace(settings.ramps, quick_dec_rad_s2=rad(dec)))
         self.parts.alarms.scan = at_scan
         self.parts.alarms.pos_rad = rad(10.0)
         self.parts.turn(3.0)
@@ -36,7 +40,7 @@ class Stop:
             setattr(self.parts.feedback, name, value)
         self.parts.alarms.raise_(Code.CTL_02, reaction, measured="a test")
         self.alarm = self.parts.alarms.first_out
-        self.record = StopRecord(self.alarm, period_s, self.parts.feedback, power(**said), self.parts.alarms)
+        self.record = StopRecord(self.alarm, settings, self.parts.feedback, power(**said), self.parts.alarms)
 
     def scan(self, scan, pos_deg=10.0, *, over=False, deg_s=None, **said):
         for name, value in said.items():
@@ -221,11 +225,12 @@ def test_a_reading_that_stands_at_once_long_before_the_brake_closes_is_frozen(pe
 @PERIODS
 @pytest.mark.parametrize(
     ("reaction", "state", "told_s"),
-    [(Reaction.QUICK_STOP, ON, 4.0), (Reaction.QUICK_STOP, OFF, 4.0), (Reaction.TORQUE_OFF, ON, 0.5),
+    [(Reaction.QUICK_STOP, ON, 3.5), (Reaction.QUICK_STOP, OFF, 3.5), (Reaction.TORQUE_OFF, ON, 0.5),
      (Reaction.TORQUE_OFF, OFF, 2.0), (Reaction.HOLD, ON, math.inf)],
 )  # fmt: skip
 def test_a_stop_that_takes_too_long_is_told_before_it_ends(period_s, reaction, state, told_s):
-    stop = Stop(reaction, period_s)
+    """A quick stop from 3 deg/s with 6 deg/s2 has half a second of ramp."""
+    stop = Stop(reaction, period_s, dec=6.0)
     before = stop.alarm.steps
     seconds = math.inf
     for scan in range(1, round(5.0 / period_s)):
@@ -477,13 +482,25 @@ def test_each_reset_has_its_own_role_and_its_own_second():
 
 @pytest.mark.parametrize(
     ("reaction", "state", "last"),
-    [(Reaction.QUICK_STOP, OFF, 4000), (Reaction.TORQUE_OFF, ON, 500), (Reaction.TORQUE_OFF, OFF, 2000)],
+    [(Reaction.QUICK_STOP, OFF, 3500), (Reaction.TORQUE_OFF, ON, 500), (Reaction.TORQUE_OFF, OFF, 2000)],
 )
 def test_a_stop_may_take_its_whole_time_to_the_scan(reaction, state, last):
-    stop = Stop(reaction)
+    stop = Stop(reaction, dec=6.0)
     stop.scan(1, state=state)
     assert W.STOP_UNCONFIRMED not in stop.scan(last)
     assert W.STOP_UNCONFIRMED in stop.scan(last + 1)
+
+
+@pytest.mark.parametrize(
+    ("dec", "read_rad_s", "told_s"),
+    [(0.6, rad(3.0), 8.0), (0.6, rad(-3.0), 8.0), (6.6, math.nan, 4.0), (6.6, 1e9, 4.0)],
+)
+def test_a_quick_stop_is_overdue_behind_its_own_ramp(dec, read_rad_s, told_s):
+    """From 3 deg/s with 0.6 deg/s2, as a crane stops, 5 s; nobody waits for a speed above the trip of 6.6 deg/s."""
+    stop = Stop(Reaction.QUICK_STOP, dec=dec, before={"vel_rad_s": read_rad_s})
+    stop.scan(1, state=ON)
+    assert W.STOP_UNCONFIRMED not in stop.scan(round(1e3 * told_s) - 1)
+    assert W.STOP_UNCONFIRMED in stop.scan(round(1e3 * told_s) + 2)
 
 
 def test_a_stop_in_the_first_scan_of_all_is_told_with_its_times():

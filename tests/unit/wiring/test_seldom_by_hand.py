@@ -14,15 +14,18 @@ from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.object_table import read_objects_of
 from gantryctl.drives.profiles.dictionary import profile_of_table
 from gantryctl.errors import ConfigError
-from gantryctl.image import DriveIdentity
+from gantryctl.image import DriveIdentity, DriveRequest, InputImage, OperatorCommand
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.program import GantryProgram
+from gantryctl.runtime import FixedOperator, ScanFailure
 from gantryctl.runtime.recorder import MemoryRecorder
-from gantryctl.units import deg
+from gantryctl.units import deg, rad
 from gantryctl.wiring import canopen, compensation, engine, simulator, virtual, virtual_nodes
 from gantryctl.wiring.calibration_watch import calibration_watch
 from gantryctl.wiring.plant_effects import larger_share_nm, ring_teeth
 from gantryctl.wiring.program import axis_settings, ramps_deg, travel_settings
 from gantryctl.wiring.virtual import as_in_table, drive_kind
+from support.delivered_axes import axis_of
 from support.improved import improved_machine
 from support.modulo_machine import modulo_machine
 
@@ -294,3 +297,45 @@ def test_the_laws_get_each_map_in_its_place(monkeypatch: pytest.MonkeyPatch) -> 
     maps = machine.calibration.maps
     assert len({len(maps.gear_rad), len(maps.reversal_rad), len(maps.scale_rad), len(maps.fast)}) == 4
     assert given[2:] == (list(maps.gear_rad), list(maps.reversal_rad), list(maps.scale_rad), list(maps.fast))
+
+
+class Fails(GantryProgram):
+    """A program that is told when to fail."""
+
+    now = False
+
+    def logic(self, image: InputImage) -> None:
+        if self.now:
+            raise ArithmeticError("planted")
+        super().logic(image)
+
+
+def test_a_crane_whose_program_has_failed_is_braked_at_rest_and_held_until_its_brake_has_closed() -> None:
+    """3.6 deg/s with 0.73 deg/s2 are 4.9 s of ramp; a brake of 0.4 s."""
+    machine = with_values(
+        axis_of("draft of crane_slew"),
+        {
+            "drive.kind": "ideal",
+            "control.scan_period_ms": 10.0,
+            "brake.close_time_ms": 400.0,
+            "monitors.brake_feedback_time_ms": 500.0,
+        },
+    )
+    runs = engine.build_engine(machine, program=Fails)
+    operator, program = runs.operator, runs.program
+    assert isinstance(operator, FixedOperator)
+    assert isinstance(program, Fails)
+    operator.command = OperatorCommand(power=True)
+    runs.run_for(1.0)
+    operator.command = OperatorCommand(power=True, move=True, target_rad=rad(100.0), speed_rad_s=rad(3.6))
+    runs.run_for(13.0)
+    ratio = machine.axis.ratio
+    assert runs.image.drive.vel_act_rad_s == pytest.approx(rad(3.6) * ratio, rel=1e-3)
+    program.now = True
+    with pytest.raises(ScanFailure):
+        runs.run_for(0.01)
+    runs.run_until(lambda runs: not runs.output.brake_open, 10.0)
+    assert abs(runs.image.drive.vel_act_rad_s) < rad(0.1) * ratio
+    closing_s = runs.time_s
+    runs.run_until(lambda runs: runs.output.request is DriveRequest.DISABLE, 2.0)
+    assert runs.time_s - closing_s >= 0.4

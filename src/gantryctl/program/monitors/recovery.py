@@ -17,10 +17,11 @@ from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
 # Torque goes within some scans. Torque off and brake stop the reference gantry from 6 deg/s within 0.9 s, and a stop
-# without a valid position is over after 1.5 s (power/sequence.py); a quick stop and its brake take less than 3 s.
+# without a valid position is over after 1.5 s (power/sequence.py). Behind the ramp of a quick stop, which takes a crane
+# 5 s, brake and torque take less than 2 s.
 _TORQUE_OFF_S: Final = 0.5
 _BRAKE_STOP_S: Final = 2.0
-_QUICK_STOP_S: Final = 4.0
+_BEHIND_RAMP_S: Final = 3.0
 # What a drive that was told to enable shows while it may give torque already: one that owns its brake does so before it
 # shows Operation enabled, and of one that is not heard any more nobody knows.
 _PERHAPS_ENABLED: Final = (DriveState.SWITCHED_ON, DriveState.UNKNOWN)
@@ -43,16 +44,19 @@ class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
-        "_angle_known", "_brake_scan", "_brake_unseen", "_counts", "_log", "_period_s", "_read_rad_s",
+        "_angle_known", "_brake_scan", "_brake_unseen", "_counts", "_log", "_period_s", "_ramp_s", "_read_rad_s",
         "_slow_scan", "_stands_scan", "_switching_on", "_torque_scan", "_torque_unseen", "_turned",
         "_turning_rad_s", "_turning_scan", "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
     def __init__(
-        self, alarm: Alarm, period_s: float, feedback: Feedback, power: PowerSequence, log: AlarmLog
+        self, alarm: Alarm, settings: AxisSettings, feedback: Feedback, power: PowerSequence, log: AlarmLog
     ) -> None:
         self.alarm, self._log = alarm, log
-        self._period_s = period_s
+        self._period_s = settings.period_s
+        # No sound axis is faster than that.
+        trip, speed = settings.speed.overspeed_trip_rad_s, abs(feedback.vel_rad_s)
+        self._ramp_s = (speed if speed <= trip else trip) / settings.ramps.quick_dec_rad_s2
         # A drive that left by itself shows its new state already: what was commanded was on until then.
         self._was_open = feedback.brake_open or power.brake_open
         self._switching_on = power.phase is PowerPhase.ENABLING and feedback.state in _PERHAPS_ENABLED
@@ -126,7 +130,7 @@ class StopRecord:
         if self.alarm.reaction is Reaction.HOLD:
             return False
         if self.alarm.reaction is Reaction.QUICK_STOP:
-            return time_s > _QUICK_STOP_S
+            return time_s > self._ramp_s + _BEHIND_RAMP_S
         return time_s > (_TORQUE_OFF_S if self._torque_scan < 0 else _BRAKE_STOP_S)
 
     def _steps(self, feedback: Feedback, pos_rad: float) -> tuple[Words | Said, ...]:
@@ -197,7 +201,7 @@ class Recovery:
     """
 
     __slots__ = (
-        "_alarms", "_count", "_feedback", "_period_s", "_power", "_record", "_reset_scans", "failure",
+        "_alarms", "_count", "_feedback", "_power", "_record", "_reset_scans", "_settings", "failure",
         "resetting", "service",
     )  # fmt: skip
 
@@ -205,7 +209,7 @@ class Recovery:
         self, settings: AxisSettings, feedback: Feedback, power: PowerSequence, alarms: AlarmLog
     ) -> None:
         self._feedback, self._power, self._alarms = feedback, power, alarms
-        self._period_s = settings.period_s
+        self._settings = settings
         self._reset_scans = settings.scans(_FAULT_RESET_S)
         self._record: StopRecord | None = None
         self._count = 0
@@ -216,7 +220,7 @@ class Recovery:
         """Follow the stop that `alarm` began."""
         self._abandon_reset(None)
         if self._record is None or self._record.alarm is not alarm:
-            self._record = StopRecord(alarm, self._period_s, self._feedback, self._power, self._alarms)
+            self._record = StopRecord(alarm, self._settings, self._feedback, self._power, self._alarms)
 
     def scan(self, scan: int, pos_rad: float) -> None:
         """Follow the stop; every scan while an alarm is latched."""
