@@ -374,17 +374,21 @@ def test_a_new_log_stands_at_no_time_and_place():
     assert (log.scan, log.time_s, log.pos_rad, log.horn, log.first_out) == (0, 0.0, 0.0, False, None)
 
 
-def test_a_warning_that_ends_a_motion_is_told_once_and_keeps_the_next_one_back():
+def test_a_warning_that_ends_a_motion_is_told_anew_with_what_ended_it_and_keeps_the_next_one_back():
+    """A brake that dragged with 16 % of the rated torque a minute ago drags with 31 % now."""
     log = AlarmLog()
-    log.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)
+    log.raise_(Code.BRK_02, measured=41.0, share=16.0)
     assert log.blocking() is None
-    warned = log.active[Code.CTL_12]
-    log.raise_(Code.CTL_12, Reaction.HLT, measured=1.5, limit=1.0, trip=2.0)
-    assert log.active[Code.CTL_12] is warned
-    assert warned.reaction is Reaction.HLT
-    assert len(log.history) == 1
-    assert log.blocking() is warned
-    assert log.blocking(but=Code.CTL_12) is None
+    log.time_s = 60.0
+    for share in (31.0, 33.0):
+        log.raise_(Code.BRK_02, Reaction.HLT, measured=2.57 * share, share=share)
+    warned, ended = log.history
+    assert log.active[Code.BRK_02] is ended
+    assert (warned.reaction, ended.reaction, ended.time_s) == (Reaction.W, Reaction.HLT, 60.0)
+    assert "16 % of rated" in warned.text
+    assert "needs 80 N m more than before, 31 % of rated · Stopping on the jog-release ramp" in ended.text
+    assert log.blocking() is ended
+    assert log.blocking(but=Code.BRK_02) is None
     assert log.first_out is None
 
 

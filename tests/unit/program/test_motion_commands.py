@@ -7,6 +7,7 @@ import pytest
 from gantryctl.image import BufferMode, DigitalInputs, Direction, Mode
 from gantryctl.program import AxisState, Code
 from gantryctl.program.axis.motion_command import Aim, CommandStatus, Dynamics, Goal, MotionCommand
+from gantryctl.program.axis.parameters import Parameter, read_parameter, write_parameter
 from gantryctl.program.blocks import MoveAbsolute, MoveVelocity, SetOverride, Stop
 from gantryctl.program.settings import StandstillPolicy, TravelSettings
 from gantryctl.units import deg, rad
@@ -198,6 +199,14 @@ def test_ramps_are_set_at_rest_and_not_on_the_ramp_of_a_stop():
     rig.op(stop=False)
     rig.run(2.0)
     assert rig.axis.set_acceleration(rad(1.0)) is None
+
+
+def test_a_lower_acceleration_leaves_the_jerk_that_a_program_has_lowered():
+    axis = Rig(config=settings(jerk=20.0)).axis
+    assert write_parameter(axis, Parameter.MAX_JERK_APPL, rad(5.0)) is None
+    assert axis.set_acceleration(0.5 * axis.settings.ramps.acc_rad_s2) is None
+    assert deg(read_parameter(axis, Parameter.MAX_JERK_APPL)) == approx(5.0)
+    assert axis.virtual.ramps.acc_rad_s2 == approx(0.5 * axis.settings.ramps.acc_rad_s2)
 
 
 @BOTH

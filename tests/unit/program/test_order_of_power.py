@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag
-from gantryctl.program.alarms.codes import Reaction
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, Proof
 from gantryctl.units import rad
@@ -448,3 +448,15 @@ def test_a_proof_is_of_this_power_up_and_of_a_brake_that_the_controller_opens(ri
         assert rig.axis.power.proof is proof
         rig.op(power=False)
         rig.until(lambda: rig.axis.is_off, 2.0)
+
+
+def test_a_brake_that_slips_while_a_fault_is_reset_gets_torque():
+    """The drive has cleared its fault in the scan in which the load moves: it is asked for torque, not for a reset."""
+    rig = Rig()
+    rig.run(0.1)
+    rig.axis.power.fault_reset = True
+    rig.step()
+    assert rig.output.request is DriveRequest.FAULT_RESET
+    rig.axis.alarms.raise_(Code.BRK_04, measured=0.03, limit=0.02)
+    rig.step()
+    assert (rig.axis.power.phase, rig.output.request) == (P.TORQUE_HOLD, DriveRequest.ENABLE)

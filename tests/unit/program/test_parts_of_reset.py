@@ -28,7 +28,9 @@ def power(phase=PowerPhase.ON, **said):
 class Stop:
     """A stop from 3 deg/s at 10 deg, seen scan by scan."""
 
-    def __init__(self, reaction=Reaction.TORQUE_OFF, period_s=0.001, before=None, at_scan=0, dec=None, **said):
+    def __init__(
+        self, reaction=Reaction.TORQUE_OFF, period_s=0.001, before=None, at_scan=0, dec=None, **said
+    ):
         self.parts = Parts(period_s)
         settings = self.parts.settings
         if dec is not None:

@@ -387,3 +387,16 @@ def test_time_goes_on_behind_work_between_scans_that_fails_too(bench: Bench) -> 
     with pytest.raises(DeviceError, match="did not answer"):
         bench.engine.between_scans(raising(DeviceError("the drive did not answer")))
     assert started == [1]
+
+
+def test_a_load_that_swings_through_no_speed_has_not_come_to_rest(bench: Bench) -> None:
+    """After half a second of its stop it swings back: slow for 30 ms, fast for 100, then still."""
+    bench.program.hooks[2] = raising(ValueError("planted"))
+    with pytest.raises(AlarmStop):
+        bench.engine.run_for(0.1)
+    for speed_rad_s, time_s in ((9.0, 0.5), (0.1, 0.03), (-4.0, 0.1), (0.0, 0.04)):
+        bench.drive.speed_rad_s = speed_rad_s
+        bench.engine.run_for(time_s)
+        assert bench.engine.output.brake_open
+    bench.engine.run_for(0.02)
+    assert not bench.engine.output.brake_open

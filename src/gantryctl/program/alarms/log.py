@@ -154,8 +154,8 @@ class AlarmLog:
         if known is not None and reaction <= known.reaction:
             return
         self.pending = max(self.pending, reaction)
-        # A warning that becomes a stop is told anew, with the time and the values of the stop.
-        if known is not None and (known.reaction >= Reaction.QUICK_STOP or reaction < Reaction.QUICK_STOP):
+        # A warning that becomes a stop, on whatever ramp, is told anew, with the time and the values of the stop.
+        if known is not None and (known.reaction >= Reaction.QUICK_STOP or reaction < Reaction.HLT):
             known.reaction = reaction
             return
         alarm = Alarm(code, self.time_s, values, reaction, self.scan, self.pos_rad)

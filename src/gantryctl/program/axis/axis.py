@@ -332,7 +332,8 @@ class Axis:
             return refusal(Code.CTL_14, reason=Words.ACCELERATION_AT_REST)
         # Deceleration keeps its ratio to acceleration, as in the machine file.
         dec = ramps.dec_rad_s2 * acc_rad_s2 / ramps.acc_rad_s2
-        self.virtual.ramps = ramps.below(acc_rad_s2, dec, None)
+        # A program may have lowered the jerk.
+        self.virtual.ramps = self.virtual.ramps.below(acc_rad_s2, dec, None)
         return None
 
     def set_position(self, position_rad: float) -> Refusal | None:
