@@ -25,6 +25,7 @@ from gantryctl.gateway.access import COOKIE
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor import users
 from gantryctl.service.supervisor.users import Users
+from support.unread import unread_pipe
 
 PASSWORD = "correct horse battery"
 PATIENCE_S = 30.0
@@ -67,6 +68,7 @@ class Service:
         root: state root, and where its errors go.
         disk_mb: the state root is `disk` below it instead, a disk of its own of that size that nobody else sees.
         environment: more of it. own_group: Ctrl-C at the terminal does not reach it.
+        unheard: its standard error is a pipe that nobody reads any more.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Service:
         disk_mb: int = 0,
         environment: Mapping[str, str] | None = None,
         own_group: bool = False,
+        unheard: bool = False,
     ) -> None:
         self.root, self.directory = root, root / "hust_gantry"
         # -P, as for the script `gantryctl`: the folder of this process holds no modules of it.
@@ -91,7 +94,8 @@ class Service:
             mounted = f'mount -t tmpfs -o size={disk_mb}m tmpfs "$0" && exec "$@"'
             command = [*private, "sh", "-c", mounted, str(state), *command]
         whole = {**os.environ, "GANTRYCTL_STATE": str(state), "PYTHONUNBUFFERED": "1", **(environment or {})}
-        with (root / "errors").open("wb") as errors:
+        with (root / "errors").open("wb") as file, unread_pipe() as pipe:
+            errors = pipe if unheard else file
             self.process = subprocess.Popen(
                 command,
                 env=whole,

@@ -12,8 +12,9 @@ from gantryctl.cli.options import directory, json_option, number_option, print_j
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import INPUT, PATH, Whole
-from gantryctl.cli.workers import ended_in_order, pool_of, say
+from gantryctl.cli.workers import ended_in_order, pool_of
 from gantryctl.extras import need
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.campaign.statistics import Population
@@ -56,9 +57,9 @@ def run(
     pool = pool_of(threads, workers, cluster)
     tried, refused = survey(order)
     for name, count in refused.most_common():
-        say(f"of the first {tried} plants the checks of the machine refuse {count}: {name}")
+        tell(f"of the first {tried} plants the checks of the machine refuse {count}: {name}")
     with ended_in_order() as stopped:
-        end = run_campaign(order, folder, pool, say=say, now_s=time.monotonic, stopped=stopped)
+        end = run_campaign(order, folder, pool, say=tell, now_s=time.monotonic, stopped=stopped)
     if as_json:
         print_json(
             {**end._asdict(), "complete": end.complete, "refused_first": dict(refused), "result": str(folder)}

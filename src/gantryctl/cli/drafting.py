@@ -11,6 +11,7 @@ import click
 
 from gantryctl.cli.options import print_json, write_text
 from gantryctl.cli.values import INPUT, Whole
+from gantryctl.terminal import is_terminal, tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.drafting.draft import Draft
@@ -94,7 +95,7 @@ def sheet_of(
 
 
 def _at_a_terminal() -> bool:
-    return sys.stdin.isatty()
+    return is_terminal(sys.stdin)
 
 
 def _template(asks: bool) -> str:
@@ -137,7 +138,7 @@ def _asked(template: Template) -> Answered:
             try:
                 given[key] = one_answer(key, text)
             except ConfigError as wrong:
-                click.echo("\n".join(wrong.problems), err=True)
+                tell("\n".join(wrong.problems))
                 continue
             break
     return Answered.of(template, given)

@@ -15,6 +15,7 @@ import click
 
 from gantryctl.cli.report import ARGUMENTS
 from gantryctl.errors import ConfigError, DeviceError, GantryctlError
+from gantryctl.terminal import mute, tell
 
 TRACEBACK_VARIABLE: Final = "GANTRYCTL_TRACEBACK"
 
@@ -214,22 +215,22 @@ def run(args: list[str] | None = None) -> int:
         wrong.show()
         return 2
     except click.ClickException as wrong:
-        click.echo(f"error: {_one_line(wrong)}", err=True)
+        tell(f"error: {_one_line(wrong)}")
         return 2
     except click.Abort:
-        click.echo("Interrupted.", err=True)
+        tell("Interrupted.")
         return INTERRUPTED
     except ConfigError as wrong:
         for line in wrong.problems:
-            click.echo(f"error: {line}", err=True)
+            tell(f"error: {line}")
         return wrong.exit_code
     except GantryctlError as wrong:
-        click.echo(f"error: {wrong}", err=True)
+        tell(f"error: {wrong}")
         return wrong.exit_code
     # A full disk or a missing right is trouble of the computer, not a fault of the command.
     except OSError as fault:
         where = f"{fault.filename}: " if fault.filename else ""
-        click.echo(f"error: {where}{fault.strerror or fault}", err=True)
+        tell(f"error: {where}{fault.strerror or fault}")
         return DeviceError.exit_code
     # A traceback does not help at a machine; whoever reports the fault can have it.
     except Exception as bug:
@@ -246,12 +247,11 @@ def _ended_by(bug: Exception) -> int:
     package = (bug.name or "").partition(".")[0] if isinstance(bug, ModuleNotFoundError) else ""
     if package in EXTRA_OF:
         absent = ExtraMissing(package)
-        click.echo(f"error: {absent}", err=True)
+        tell(f"error: {absent}")
         return absent.exit_code
-    click.echo(
+    tell(
         f"error: internal: {type(bug).__name__}: {bug}; this is a fault of gantryctl, please report it "
-        f"({TRACEBACK_VARIABLE}=1 shows where)",
-        err=True,
+        f"({TRACEBACK_VARIABLE}=1 shows where)"
     )
     return INTERNAL
 
@@ -267,13 +267,12 @@ def _one_line(wrong: click.ClickException) -> str:
 def main() -> None:
     """Entry point of the installed command."""
     code = run()
-    try:
-        # What is still buffered: Python would complain at its end, and end with a code of its own.
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except OSError:
-        from gantryctl.cli.text import mute
-
-        mute()
-        code = code or OUTPUT_CLOSED
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            # What is still buffered: Python would complain at its end, and end with a code of its own.
+            if stream is not None:
+                stream.flush()
+        except OSError:
+            mute(stream)
+            code = code or OUTPUT_CLOSED
     sys.exit(code)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from gantryctl.cli.values import FINITE, INPUT, PATH, LogPath, Whole
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
@@ -107,14 +108,13 @@ def bus_log_option(command: Callable[..., Any]) -> Callable[..., Any]:
                 log.close()
                 # On standard error: what a command prints as JSON is one document.
                 for path in log.frozen:
-                    click.echo(f"frames around the alarm: gantryctl can log {path}", err=True)
+                    tell(f"frames around the alarm: gantryctl can log {path}")
                 for fault in log.faults:
-                    click.echo(f"warning: {fault}", err=True)
+                    tell(f"warning: {fault}")
                 if bus_log is not None and not log.opened:
-                    click.echo(
+                    tell(
                         f"warning: --bus-log {bus_log}: this command opened no bus, nothing was written; a service "
                         "has a log of its own (serve --bus-log)",
-                        err=True,
                     )
 
     return click.option(

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.terminal import is_terminal
+
 if TYPE_CHECKING:
     from gantryctl.engineering.report.meter import Meter
 
@@ -25,7 +27,7 @@ def metered(expected: float, *, quiet: bool = False) -> Iterator[Meter]:
     from gantryctl.engineering.report.meter import Meter
 
     # Nobody reads a line that is written over in a log, and what a script reads is the result alone.
-    live = not quiet and sys.stderr.isatty()
+    live = not quiet and is_terminal(sys.stderr)
     said = False
 
     def say(text: str) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -42,12 +39,3 @@ def shown(value: float, digits: int) -> float:
     """Round a number for people."""
     # -0.0 + 0.0 is 0.0: no minus before a zero.
     return round(value, digits) + 0.0
-
-
-def mute() -> None:
-    """Send what still comes to nowhere: standard output has no reader any more."""
-    # ValueError: standard output is no file. Python writes what it still buffers when it ends, and would complain.
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)

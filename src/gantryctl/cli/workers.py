@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import click
-
 from gantryctl.cli.options import stop_signals
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.scheduler.job import Job
     from gantryctl.engineering.scheduler.pools import Pool
-
-
-def say(line: str) -> None:
-    """A line for the person who watches; standard output is for the result."""
-    click.echo(line, err=True)
-    sys.stderr.flush()
 
 
 @contextmanager
@@ -34,7 +26,7 @@ def ended_in_order() -> Iterator[Callable[[], bool]]:
         if interrupts > 1:
             # Every file is whole at every moment: nothing is left to be tidied up.
             os._exit(130)
-        say("ending; the chunks under way are finished first, a second Ctrl-C ends at once")
+        tell("ending; the chunks under way are finished first, a second Ctrl-C ends at once")
 
     with stop_signals(interrupted):
         yield lambda: interrupts > 0
@@ -53,7 +45,7 @@ def pool_of(threads: int | None, workers: int | None, cluster: str | None) -> Ca
     if sum(each is not None for each in (threads, workers, cluster)) > 1:
         raise UsageError("--threads, --workers and --cluster: give one of them")
     if cluster is not None:
-        return lambda job: ClusterPool(job, cluster, say)
+        return lambda job: ClusterPool(job, cluster, tell)
     if workers is not None:
         return lambda job: ProcessPool(job, workers)
     return lambda job: ThreadPool(job, threads)

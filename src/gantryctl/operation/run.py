@@ -7,7 +7,6 @@ the brake closed, the torque taken off and the state kept.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any, Final, TypeVar
@@ -46,6 +45,7 @@ from gantryctl.program.axis.command_checks import (
     require,
 )
 from gantryctl.runtime import Engine, FixedOperator, ScanFailure, VirtualClock, keeps_time
+from gantryctl.terminal import tell
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
 
@@ -516,8 +516,7 @@ class AxisRun:
             "Torque holds the load while this command runs. It goes on until it is asked twice to stop, as by Ctrl-C; "
             "then the load is let go.",
         ]
-        sys.stderr.write("\n".join(lines) + "\n")
-        sys.stderr.flush()
+        tell("\n".join(lines))
         self.stop = Stop.NO
         while self.load_is_held() and self.stop is not Stop.QUICK:
             self.engine.run_for(SLICE_S)

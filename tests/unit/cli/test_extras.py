@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,14 @@ NEEDS = {
 """Command lines, and the package without which they do nothing."""
 
 
+class NotInstalled(MetaPathFinder):
+    """Finds no package of an extra."""
+
+    def find_spec(self, name: str, *_: object) -> None:
+        if name in EXTRA_OF:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
 @pytest.mark.parametrize("line", NEEDS)
 def test_a_missing_extra_is_named_with_its_command(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     package = NEEDS[line]
@@ -71,8 +80,10 @@ def test_an_import_that_nobody_asked_for_before_is_named_the_same_way(
 def test_moving_and_reading_recordings_needs_no_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # Not None in their place: pyarrow, compiled, would take that for the pandas that it looks for once.
     for package in EXTRA_OF:
-        monkeypatch.setitem(sys.modules, package, None)
+        monkeypatch.delitem(sys.modules, package, raising=False)
+    monkeypatch.setattr(sys, "meta_path", [NotInstalled(), *sys.meta_path])
     done("move", "0.5")
     (file,) = tmp_path.rglob("*.parquet")
     done("trace", "show", str(file))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from gantryctl.cli.main import cli as root
 from gantryctl.cli.values import FINITE, Whole
 from gantryctl.machine import default_machine_path
 from support.command_line import Answer, cli, done
+from support.unread import unread_stream
 
 # --- numbers -----------------------------------------------------------------------------------------------------
 
@@ -195,16 +195,6 @@ def test_what_was_never_made_is_told_as_a_wrong_command(line: str) -> None:
 # --- standard input and output ----------------------------------------------------------------------------------
 
 
-@contextmanager
-def closed_output() -> Iterator[None]:
-    """A standard output whose reader has gone."""
-    reading, writing = os.pipe()
-    os.close(reading)
-    out = os.fdopen(writing, "w", encoding="utf-8")
-    with suppress(BrokenPipeError), out, redirect_stdout(out):
-        yield
-
-
 @pytest.mark.parametrize(
     "line",
     [
@@ -219,14 +209,30 @@ def closed_output() -> Iterator[None]:
 )
 def test_a_closed_standard_output_ends_every_command_as_other_tools_end(line: str) -> None:
     said = io.StringIO()
-    with closed_output(), redirect_stderr(said):
+    with unread_stream() as out, redirect_stdout(out), redirect_stderr(said):
         code = run(line.split())
     assert (code, said.getvalue()) == (OUTPUT_CLOSED, "")
 
 
-def test_no_standard_output_at_all_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("line", ["explain", "move 0.01"])
+def test_no_standard_output_at_all_is_no_fault(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdout", None)
-    assert run(["explain"]) == 0
+    assert run(line.split()) == 0
+
+
+def test_an_error_that_nobody_can_read_has_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    with unread_stream() as gone:
+        monkeypatch.setattr(sys, "stderr", gone)
+        assert run(["move", "five"]) == 2
+        monkeypatch.setattr(sys, "stderr", None)
+        assert run(["move", "five"]) == 2
+
+
+def test_no_standard_input_at_all_is_none_that_anybody_types_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A password, the questions of a new axis, a reading by hand."""
+    monkeypatch.setattr(sys, "stdin", None)
+    for line in ("user add anna --role viewer", "new rig"):
+        assert run(line.split()) == 2, line
 
 
 def test_an_interrupted_command_has_the_code_of_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:

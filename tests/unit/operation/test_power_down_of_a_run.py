@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,7 @@ from gantryctl.program import Axis, AxisProgram, Code, GantryProgram, PowerPhase
 from gantryctl.program.blocks import Power
 from gantryctl.runtime import ScanFailure
 from gantryctl.units import deg
+from support.unread import unread_stream
 
 # The load hangs to one side at the angle of the start: 49.8 kN m, 31 kN m beyond its friction.
 HANGING = with_values(
@@ -166,6 +168,20 @@ def test_a_load_that_torque_alone_holds_in_real_time_is_held_until_somebody_asks
     told = capsys.readouterr().err
     assert "BRK-03 STOP" in told
     assert "asked twice to stop, as by Ctrl-C; then the load is let go." in told
+
+
+def test_a_load_is_held_where_nobody_can_read_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The terminal has gone, which is why the run ends: a write that fails must not take the torque away."""
+    run, _ = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+    run._paced = True
+    seen: list[float] = []
+    asked_after(run, 5, lambda: seen.append(run.engine.time_s))
+    with unread_stream() as gone:
+        monkeypatch.setattr(sys, "stderr", gone)
+        run.close("stopped")
+    assert len(seen) == 5
 
 
 def test_the_brake_is_named_behind_the_alarm_that_stopped_the_axis(

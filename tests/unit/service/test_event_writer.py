@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from gantryctl.service.recorder import process
 from gantryctl.service.recorder.journal.writer import JournalFault
 from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
+from support.unread import unread_stream
 
 PLENTY = 10**12
 DAY_S = 86400.0
@@ -211,6 +213,19 @@ def test_it_anchors_at_the_start_every_day_and_at_the_end(
     assert bench.journal.times("anchored") == 3
     assert bench.journal.done[-1] == ("closed",)
     assert capsys.readouterr().err == "journal anchor: 7 00 - journal\n" * 3
+
+
+def test_a_journal_goes_on_where_nobody_reads_its_anchors(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with unread_stream() as gone:
+        monkeypatch.setattr(sys, "stderr", gone)
+        bench.log.put("command", "move")
+        assert bench.writer.drain()
+        bench.now_s += DAY_S
+        assert not bench.writer.drain()
+        monkeypatch.undo()
+    assert bench.journal.times("anchored") == 2
 
 
 def test_what_comes_in_the_last_look_is_kept(bench: Bench) -> None:

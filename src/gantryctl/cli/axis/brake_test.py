@@ -26,6 +26,7 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.report import head_of, report_options
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -142,7 +143,7 @@ def _print(name: str, report: BrakeTestReport, failure: GantryctlError | None, *
         ):
             click.echo(f"  {title:<18}{text}")
     if failure is not None:
-        click.echo(f"error: {failure}", err=True)
+        tell(f"error: {failure}")
     return code
 
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import click
 
 from gantryctl.cli.options import print_json
-from gantryctl.cli.text import mute
 from gantryctl.errors import CommandRefused, GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation.client import MotionReport, Snapshot
+from gantryctl.terminal import is_terminal, mute, tell
 from gantryctl.units import DEG_S_PER_R_MIN, Dial
 from gantryctl.wiring.program import ramps_deg
 
@@ -85,9 +85,9 @@ def print_motion(
         if details.trace is not None:
             click.echo(f"  trace             {details.trace}")
     if details.recording_fault:
-        click.echo(f"warning: {details.recording_fault}", err=True)
+        tell(f"warning: {details.recording_fault}")
     if failure is not None:
-        click.echo(f"error: {failure}", err=True)
+        tell(f"error: {failure}")
     return code
 
 
@@ -144,7 +144,7 @@ class Display:
 
     def __init__(self, machine: Machine, *, enabled: bool, log_every_s: float = _LOG_EVERY_S) -> None:
         self._machine, self._enabled, self._log_every_s = machine, enabled, log_every_s
-        self._live = enabled and sys.stdout.isatty()
+        self._live = enabled and is_terminal(sys.stdout)
         self._next_s = 0.0
         self._shown = False
 
@@ -168,7 +168,7 @@ class Display:
             else:
                 click.echo(log_line(snapshot, dial))
         except OSError:
-            mute()
+            mute(sys.stdout)
             raise
         self._shown = True
 

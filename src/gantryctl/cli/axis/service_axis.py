@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
-
-import click
 
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
 from gantryctl.image import Direction
@@ -29,6 +26,7 @@ from gantryctl.program.axis.command_checks import (
 )
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.service.protocol.limits import FRAME_S, HELD_S
+from gantryctl.terminal import tell
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import speed_settings, travel_settings
 
@@ -124,7 +122,7 @@ class ServiceAxis:
         if self._connection:
             return
         # Control on a connection of its own: the service ends those that do not read, as while a person thinks.
-        self._connection = ServiceLink(directory_of(self.machine), partial(click.echo, err=True))
+        self._connection = ServiceLink(directory_of(self.machine), tell)
         self.tags = self._link.tags
         self._check_service(self.tags)
         self._link.ask("take", over=True)
@@ -410,7 +408,7 @@ class ServiceAxis:
             self._link.ask("arm", action=action)
             return
         word = action.replace("_", "-")
-        click.echo(f"another person must arm it now: the page, or `gantryctl arm {word}`", err=True)
+        tell(f"another person must arm it now: the page, or `gantryctl arm {word}`")
         left = math.ceil(_OTHER_S / FRAME_S)
 
         def armed(tags: Tags) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from gantryctl.cli.options import stop_signals
+from gantryctl.terminal import tell
 
 
 @click.command()
@@ -44,7 +45,7 @@ def _site() -> Path | None:
 
 def _open(address: str, no_browser: bool) -> None:
     if not no_browser and not webbrowser.open(address):
-        click.echo("no browser can be started here; the variable BROWSER names one", err=True)
+        tell("no browser can be started here; the variable BROWSER names one")
 
 
 def _serve(site: Path, no_browser: bool) -> None:

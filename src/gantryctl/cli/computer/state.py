@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import click
 
 from gantryctl.cli.options import config_option, confirm, json_option, machine_of, print_json
+from gantryctl.terminal import tell
 
 _MEANINGS: Final = {
     "retain.*": "memory of the controller: zero, alarms, counters",
@@ -108,7 +109,7 @@ def remove(config_file: Path | None, yes: bool) -> None:
     with StateStore(machine) as store:
         if list(_parts(store.directory)) != parts:
             parts = list(_parts(store.directory))
-        click.echo(f"in {folder}:", err=True)
+        tell(f"in {folder}:")
         _list(parts, err=True)
         if not yes:
             confirm(f"Remove all of this, {sum(part.files for part in parts)} files?", "nothing is removed")

@@ -131,6 +131,8 @@ class Typed:
                 more = os.read(sys.stdin.fileno(), 4096).decode(errors="replace")
             except (OSError, ValueError):  # a standard input without a file, as under a test
                 more = sys.stdin.readline()
+            except AttributeError:  # closed before the start
+                more = ""
             if not more:
                 break
             self._text += more

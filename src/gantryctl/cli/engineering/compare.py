@@ -29,6 +29,7 @@ from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import PATH, Whole
 from gantryctl.extras import need
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
@@ -271,7 +272,7 @@ def _on_bus(
             improved,
             lambda run: instrument_at(place, run, seed),
             agree=agree,
-            progress=None if as_json else lambda what: click.echo(what, err=True),
+            progress=None if as_json else tell,
         )
     data = {
         "instrument": found.instrument,

@@ -13,6 +13,7 @@ from gantryctl.cli.engineering.at_the_load import BY_HAND, LOAD_ENCODER, SIMULAT
 from gantryctl.cli.options import confirm, stop_signals
 from gantryctl.cli.progress import metered
 from gantryctl.cli.values import FINITE
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.instruments import Instrument
@@ -90,9 +91,8 @@ def asking(machine: Machine, moves: str, *, yes: bool) -> Iterator[Callable[[Axi
 
     def agree(run: AxisRun) -> None:
         if run.must_ask and not yes:
-            click.echo(
+            tell(
                 f"{machine.name}: {moves}; now at {machine.axis.dial.text(run.angle_deg, '.2f')} deg",
-                err=True,
             )
             confirm("Begin?", "nothing moved")
         if runs:  # asked as the run before closed

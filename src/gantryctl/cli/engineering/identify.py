@@ -27,6 +27,7 @@ from gantryctl.cli.progress import metered
 from gantryctl.cli.text import print_table
 from gantryctl.cli.values import PATH, check_lasting
 from gantryctl.extras import need
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.identification import CalibrationFit, Comparison
@@ -128,7 +129,7 @@ def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet:
         controlled_as=quiet_machine(machine),
     ) as run:
         seeing = instrument_at(instrument, run, seed)
-        progress = None if quiet else lambda what: click.echo(what, err=True)
+        progress = None if quiet else tell
         return record(EngineAxis(machine, run, seeing, progress))
 
 

@@ -32,6 +32,7 @@ from gantryctl.cli.options import (
 from gantryctl.cli.report import report_options
 from gantryctl.cli.values import Whole
 from gantryctl.extras import need
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession
@@ -118,7 +119,7 @@ def measure(
             raise failure
         assert ended is not None
         if not ended.complete:
-            click.echo(f"{ended.text}; the same command goes on", err=True)
+            tell(f"{ended.text}; the same command goes on")
             return 1
         store_session(folder / "readings.json", ended)
         report = _report(machine, ended, place, made)

@@ -20,6 +20,7 @@ from gantryctl.cli.options import (
 from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import INPUT, PATH
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.engineering.report.head import Made
@@ -218,7 +219,7 @@ def _write(base: Machine | None, shown: Fit, path: Path) -> None:
     except OSError as fault:
         raise UsageError(f"--write {path}: cannot be written: {fault.strerror or fault}") from None
     put_schemas([path])
-    click.echo(f"wrote {path}; check it with `gantryctl config check {path}`", err=True)
+    tell(f"wrote {path}; check it with `gantryctl config check {path}`")
 
 
 def _drafted_text(shown: Fit, name: str) -> str:

@@ -10,8 +10,9 @@ import click
 
 from gantryctl.cli.options import json_option, print_json, write_text
 from gantryctl.cli.values import FINITE, INPUT, PATH, Whole
-from gantryctl.cli.workers import ended_in_order, pool_of, say
+from gantryctl.cli.workers import ended_in_order, pool_of
 from gantryctl.extras import need
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -103,7 +104,7 @@ def campaign(
             folder,
             Chunk(first, count),
             pool,
-            say=_nothing if as_json else say,
+            say=_nothing if as_json else tell,
             now_s=time.monotonic,
             today=lambda: datetime.now(UTC),
             stopped=stopped,
@@ -214,7 +215,9 @@ def shrink(
     from gantryctl.engineering.fault_campaign.shrink import shrink as make_small
     from gantryctl.engineering.fault_campaign.text import played_data
 
-    found = make_small(_scenario(seed, kind, series, scan, drive, file), _nothing if as_json else say, trials)
+    found = make_small(
+        _scenario(seed, kind, series, scan, drive, file), _nothing if as_json else tell, trials
+    )
     if as_json:
         print_json({"invariant": found.invariant, "trials": found.trials, **played_data(found.played)})
         return

@@ -9,6 +9,7 @@ import click
 
 from gantryctl.cli.options import config_option, json_option, machine_of, print_json
 from gantryctl.cli.values import PATH
+from gantryctl.terminal import tell
 
 if TYPE_CHECKING:
     from gantryctl.service.backup.archive import Manifest
@@ -105,7 +106,7 @@ def _say(file: Path, manifest: Manifest, as_json: bool) -> None:
         else "without accounts and private keys"
     )
     if manifest.journal:
-        click.echo(f"warning: the journal in it is NOT intact: {manifest.journal}", err=True)
+        tell(f"warning: the journal in it is NOT intact: {manifest.journal}")
 
 
 def _values(manifest: Manifest) -> dict[str, Any]:

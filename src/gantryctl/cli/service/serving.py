@@ -6,6 +6,7 @@ import asyncio
 import ipaddress
 import json
 import socket
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,7 @@ from gantryctl.service.supervisor.private_files import private_files
 from gantryctl.service.supervisor.process import Options, Supervisor
 from gantryctl.service.supervisor.selftest import self_test
 from gantryctl.service.supervisor.users import Users
+from gantryctl.terminal import tell
 
 
 class Listen(NamedTuple):
@@ -63,7 +65,7 @@ def run_service(
         checks = self_test(machine, store, root, keeping.checked(), secrets, meter.reach)
     for check in checks:
         if not check.ok:
-            click.echo(f"warning: {check.name}: {check.text}", err=True)
+            tell(f"warning: {check.name}: {check.text}")
     # A damaged journal is a warning: the service starts and allows no new motion, so that somebody can look at it.
     if any(check.vital and not check.ok for check in checks):
         raise StateError("the self-test failed: the service does not start")
@@ -89,7 +91,7 @@ def run_service(
         gateway,
         listener.fileno() if listener is not None else -1,
         None if opcua is None else opcua_command(opcua, root, store.directory),
-        lambda text: click.echo(text, err=True),
+        tell,
         Options(
             keeping,
             lambda: certificate_files(page, store.directory if opcua else None),
@@ -103,16 +105,21 @@ def run_service(
     )
 
     def ready() -> None:
-        click.echo(
+        lines = [
             f"{machine.name} is in service (configuration {short_hash(machine)}, {machine.drive.kind} drive)"
-        )
+        ]
         if page is None or listener is None:
-            click.echo("no page; `gantryctl attach` sends commands here")
+            lines += ["no page; `gantryctl attach` sends commands here"]
         else:
-            click.echo(f"page: {address_of(page, listener)}")
-            click.echo("`gantryctl console` opens it as the console of this machine")
-            click.echo(how_to_log_in(Users(root)))
-        click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
+            lines += [
+                f"page: {address_of(page, listener)}",
+                "`gantryctl console` opens it as the console of this machine",
+                how_to_log_in(Users(root)),
+            ]
+        lines += ["Ctrl-C: the axis comes to rest, brake closed, torque off"]
+        # It serves whoever reads its lines.
+        with suppress(OSError):
+            click.echo("\n".join(lines))
 
     return asyncio.run(supervisor.run(ready))
 

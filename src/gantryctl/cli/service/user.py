@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.options import json_option, print_json
+from gantryctl.terminal import is_terminal, tell
 
 if TYPE_CHECKING:
     from gantryctl.service.supervisor.users import Users
@@ -108,13 +109,13 @@ def _wait_until_kept() -> None:
 
     for machine in not_kept(_users(), running(state_root())):
         late = refusal(Code.JRN_03, reason=Words.USERS_WAIT(machine=machine, limit=WAIT_S))
-        click.echo(f"{late.line}; look at the disk, and at `gantryctl journal show`", err=True)
+        tell(f"{late.line}; look at the disk, and at `gantryctl journal show`")
 
 
 def _password() -> str:
     # On a terminal it is asked for twice and not shown; a script writes one line to standard input. Never an option:
     # the arguments of a process are there for every user of the computer to read.
-    if sys.stdin.isatty():
+    if is_terminal(sys.stdin):
         found: str = click.prompt("Password", hide_input=True, confirmation_prompt="Again")
         return found
-    return sys.stdin.readline().rstrip("\r\n")
+    return "" if sys.stdin is None else sys.stdin.readline().rstrip("\r\n")

@@ -5,11 +5,11 @@ import sys
 
 from gantryctl.commissioning.in_service.process import main
 from gantryctl.errors import GantryctlError
+from gantryctl.terminal import tell
 
 try:
     code = main(sys.argv[1:])
 except GantryctlError as fault:
-    sys.stderr.write(f"commissioning: {fault}\n")
+    tell(f"commissioning: {fault}")
     code = fault.exit_code
-sys.stderr.flush()
 os._exit(code)

@@ -5,11 +5,11 @@ import sys
 
 from gantryctl.errors import GantryctlError
 from gantryctl.service.controller.process import main
+from gantryctl.terminal import tell
 
 try:
     code = main(sys.argv[1:])
 except GantryctlError as fault:
-    sys.stderr.write(f"controller: {fault}\n")
+    tell(f"controller: {fault}")
     code = fault.exit_code
-sys.stderr.flush()
 os._exit(code)  # everything is closed; memory that was frozen cannot be taken apart any more

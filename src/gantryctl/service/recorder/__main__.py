@@ -4,9 +4,10 @@ import sys
 
 from gantryctl.errors import GantryctlError
 from gantryctl.service.recorder.process import main
+from gantryctl.terminal import tell
 
 try:
     sys.exit(main(sys.argv[1:]))
 except GantryctlError as fault:
-    sys.stderr.write(f"recorder: {fault}\n")
+    tell(f"recorder: {fault}")
     sys.exit(fault.exit_code)

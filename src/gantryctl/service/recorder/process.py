@@ -10,7 +10,6 @@ import os
 import select
 import signal
 import sqlite3
-import sys
 import threading
 import time
 from collections import deque
@@ -32,6 +31,7 @@ from gantryctl.service.recorder.journal.writer import Batch, Journal, JournalFau
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.run_record import RunFile, RunKeeper
 from gantryctl.service.recorder.trace_writer import TraceWriter
+from gantryctl.terminal import tell
 
 # A commit that takes longer shows as `slow`; events wait in their rings meanwhile.
 SLOW_S: Final = 1.0
@@ -185,7 +185,7 @@ class EventWriter:
         made = journal.anchor()
         if made is not None:
             # systemd takes it from there, and passes it on to whoever collects its log.
-            sys.stderr.write(f"journal anchor: {made.line}\n")
+            tell(f"journal anchor: {made.line}")
 
     def _alarm(self, code: Code, **values: object) -> None:
         self._note("alarm", refusal(code, **values).line, code=str(code))
@@ -205,7 +205,7 @@ class EventWriter:
                 if not self.failed:
                     self._failed_since_s = time.monotonic()
                 self.failed, pause_s = True, _RETRY_S
-                sys.stderr.write(f"recorder: {fault}\n")
+                tell(f"recorder: {fault}")
             if not busy:
                 if last_round:
                     return
@@ -289,7 +289,7 @@ def main(arguments: list[str]) -> int:
     events = EventWriter(memory, directory, free_bytes, policy)
     left = run.left_behind()
     if left is not None:
-        sys.stderr.write(f"{left.told.line}\n")
+        tell(left.told.line)
         events.notes.append(Note("alarm", left.told.line, {"code": str(left.told.code), **left.numbers}))
     traces = TraceWriter(memory, directory / "traces", free_bytes, policy)
     frames = FrameWriter(memory, directory / "traces", log, free_bytes, policy, events.tell)
@@ -319,7 +319,7 @@ def main(arguments: list[str]) -> int:
     frames.close()
     # The journal is closed to this thread: what the end of the files has to say goes to the terminal of the service.
     for note in events.notes:
-        sys.stderr.write(f"recorder: {note.text}\n")
+        tell(f"recorder: {note.text}")
     traces.drain(at_once=True)
     traces.end(last=others.gone)
     events.close()

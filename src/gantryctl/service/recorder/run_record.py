@@ -10,7 +10,6 @@ import json
 import math
 import os
 import struct
-import sys
 import time
 import zlib
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.last_seen import LastSeen
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.memory.snapshot import Snapshot
+from gantryctl.terminal import tell
 from gantryctl.units import SIGNED, Dial
 
 FILE: Final = "run.state"
@@ -229,5 +229,5 @@ class RunKeeper:
             self._failed = False
         except OSError as fault:
             if not self._failed:
-                sys.stderr.write(f"recorder: {self._file.path}: {fault.strerror or fault}\n")
+                tell(f"recorder: {self._file.path}: {fault.strerror or fault}")
             self._failed = True

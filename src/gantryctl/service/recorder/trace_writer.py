@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import struct
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder.freed_memory import give_back
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy
 from gantryctl.service.recorder.row_filter import RowFilter
+from gantryctl.terminal import tell
 from gantryctl.trace.columns import SPACING_COLUMN
 from gantryctl.trace.files import CLOSED_SUFFIX, LIVE_SUFFIX, Metadata
 from gantryctl.trace.naming import number_of, numbered, oldest_first
@@ -292,4 +292,4 @@ class _Closing:
 
 
 def _say(fault: Exception) -> None:
-    sys.stderr.write(f"recorder: {fault}\n")
+    tell(f"recorder: {fault}")
