@@ -143,7 +143,9 @@ def _dwell(log: MoveLog) -> float:
 def _load_error_deg_s(log: MoveLog) -> float:
     """Way of the load between two readings minus that of the set-point, over the time between them."""
     at = np.flatnonzero(np.isfinite(log.load_rad))
-    asked = np.concatenate([[0.0], np.cumsum(log.vel_rad_s[:-1])]) * log.period_s
+    vel = log.vel_rad_s
+    # By trapezoids: exact while the acceleration holds, where a sum of one end is half a scan of it off.
+    asked = np.concatenate([[0.0], np.cumsum(0.5 * (vel[1:] + vel[:-1]))]) * log.period_s
     off = np.diff(log.load_rad[at]) - np.diff(asked[at])
     return math.degrees(float(np.max(np.abs(off / (np.diff(at) * log.period_s)))))
 

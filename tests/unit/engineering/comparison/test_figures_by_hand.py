@@ -11,8 +11,10 @@ import pytest
 
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.batch.loop import Log
-from gantryctl.engineering.comparison import key_figures, profiles, text
+from gantryctl.engineering.comparison import key_figures, on_bus, profiles, stale_report, text
 from gantryctl.engineering.comparison.drift_file import Change, DriftRow
+from gantryctl.engineering.comparison.stale_days import Day
+from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 
 
@@ -116,3 +118,26 @@ def test_two_changes_of_one_key_are_made_one_after_the_other() -> None:
     key = "plant.load.inertia_kg_m2"
     row = DriftRow("heavier", "", (Change(key, "times", 1.1), Change(key, "plus", 1e5)))
     assert row.on(default_machine()).plant.load.inertia_kg_m2 == pytest.approx(1.1 * 2.18e6 + 1e5)
+
+
+@pytest.mark.parametrize(("lag_deg", "error_deg_s"), [(0.0, 0.0), (0.002, 0.05)])
+def test_a_load_that_goes_with_its_set_point_has_no_speed_error_on_a_bus(
+    lag_deg: float, error_deg_s: float
+) -> None:
+    """0.9 deg/s2 for 1 s in scans of 4 ms, read every tenth: a t^2 / 2 is on the way. 2 mdeg behind at one reading are
+    0.05 deg/s over the 40 ms from the one before.
+    """
+    time_s = 0.004 * np.arange(251)
+    load = np.radians(0.45 * time_s**2)
+    load[100] -= math.radians(lag_deg)
+    read = np.where(np.arange(251) % 10 == 0, load, np.nan)
+    still = np.zeros(251)
+    log = MoveLog(0.004, still, read, still, np.radians(0.9 * time_s), still, still, 20, 1e-6)
+    assert on_bus._load_error_deg_s(log) == pytest.approx(error_deg_s, abs=1e-9)
+
+
+def test_a_day_tells_of_the_last_one_of_its_chain_what_was_found() -> None:
+    """Nothing on the first day, the moment after 70 moves on the second; another chain never."""
+    found = Day({"moment": 70}, {})
+    use = stale_report._in_use([[Day({}, {}), found], [Day({}, {}), Day({}, {})]])
+    assert (use.days, use.found) == (4, {"moment": (70,)})
