@@ -19,6 +19,7 @@ from gantryctl.engineering.batch import ClosedLoop, Leg, Log, log_legs
 from gantryctl.engineering.comparison.drift_file import DriftRow
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
+from gantryctl.machine.places import reach_deg
 from gantryctl.motion import SetPoint, plan_move
 from gantryctl.program.monitors.calibration_watch import CalibrationWatch, Finding
 from gantryctl.units import rad
@@ -31,6 +32,8 @@ MOVES: Final = 60
 _SESSIONS: Final = 6
 CHAIN_DAYS: Final = 10
 _SCAN_MS: Final = 4.0
+# From the ends of the way a day begins, and ends its moves, so many degrees at most, or a part of the way.
+_AWAY: Final = ((10.0, 30.0), (5.0, 60.0))
 _REST_S: Final = 2.0
 _SWING_K: Final = 5.0
 _FRICTION: Final = 0.1
@@ -110,7 +113,9 @@ def chain_of_days(
 def _sessions(
     machine: Machine, row: DriftRow | None, rng: np.random.Generator, seed: tuple[int, ...], moves: int
 ) -> Iterator[Session]:
-    at = float(rng.uniform(-170.0, 170.0))
+    low, high = reach_deg(machine)
+    begin, end = (min(most, (high - low) / part) for most, part in _AWAY)
+    at = float(rng.uniform(low + begin, high - begin))
     phase, friction = float(rng.uniform(0.0, math.tau)), float(rng.uniform(1.0 - _FRICTION, 1.0 + _FRICTION))
     limits, speed = motion_limits(machine), machine.speed
     changed = machine if row is None else row.on(machine)
@@ -124,7 +129,7 @@ def _sessions(
         values |= {key: friction * _value(changed, key) for key in _FRICTION_KEYS}
         start, legs = at, []
         for _ in range(moves // _SESSIONS):
-            to = float(rng.uniform(-175.0, 175.0))
+            to = float(rng.uniform(low + end, high - end))
             vel = rad(float(rng.uniform(0.5, 1.0)) * speed.setting_max_deg_s)
             plan = plan_move(SetPoint(rad(at), 0.0, 0.0), rad(to), limits._replace(vel_rad_s=vel))
             legs.append(Leg(plan, plan.duration + _REST_S))

@@ -16,6 +16,7 @@ from gantryctl.engineering.comparison.drift_file import DriftRow, load_drift
 from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.machine import Machine, with_values
 from gantryctl.program.monitors.calibration_watch import Finding
+from gantryctl.units import deg
 from support.improved import improved_machine
 
 
@@ -119,6 +120,22 @@ def test_a_cold_row_stays_cold_while_the_day_goes_up_and_down() -> None:
     )
     assert max(usual) - min(usual) > 5.0
     assert cold == pytest.approx([each - 5.0 for each in usual])
+
+
+@pytest.mark.parametrize(("low", "high"), [(-180.0, 180.0), (-5.0, 95.0)])
+def test_a_day_in_use_stays_within_the_travel_of_its_axis_and_uses_it(low: float, high: float) -> None:
+    """60 angles drawn evenly leave an end untouched by a quarter of the way once in 3e7 days (0.75 ** 60)."""
+    beyond = {"pos": 0.0, "over_travel": 0.5, "limit_switch": 2.0, "mechanical_stop": 7.0}
+    travel = {f"axis.{what}_min_deg": low - at for what, at in beyond.items()}
+    travel |= {f"axis.{what}_max_deg": high + at for what, at in beyond.items()}
+    machine = with_values(machine_of(encoder=False), travel)
+    ends = [
+        deg(each)
+        for session in stale_days._sessions(machine, None, np.random.default_rng(3), (0,), 60)
+        for each in (session.start_rad, *(leg.plan.pos_end for leg in session.legs))
+    ]
+    assert low < min(ends) < low + 0.25 * (high - low)
+    assert high - 0.25 * (high - low) < max(ends) < high
 
 
 @pytest.mark.slow  # 13 days and ten more, twice: 80 s of a quiet processor

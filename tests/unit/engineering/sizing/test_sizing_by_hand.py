@@ -1,0 +1,43 @@
+"""Demands on a motor by hand: above its rated speed, behind a weak reducer, over a day."""
+
+import pytest
+
+from gantryctl.engineering.sizing.chain import machine_values
+from gantryctl.engineering.sizing.checks import fit
+from gantryctl.engineering.sizing.duty import duty
+from gantryctl.engineering.sizing.loading import load_sheet
+from gantryctl.engineering.sizing.train import Train
+
+
+def checks_of(sheet, motor):
+    return {check.name: check for check in fit(sheet, motor).checks}
+
+
+def test_a_motor_above_its_rated_speed_has_less_for_lasting_and_for_overload(changed_sheet, paper_motor):
+    """Rated at 800 r/min it has 257 x 800 / 1144 = 179.7 N m at 1144 r/min.
+
+    To 1 r/min in 2 s the axis asks for (2.18e6 x 0.05236 + 5e4 + 6000 + 2e4 x 0.10472) / 1144 x 1.1 = 165.6, rotor and
+    input 0.362 x 0.05236 x 1144 = 21.7 and friction 9.1: 196.4 N m, above what it has there and below its name plate.
+    """
+    plate = paper_motor.motor.model_copy(update={"speed_rated_r_min": 800.0})
+    weakened = paper_motor.model_copy(update={"motor": plate})
+    checks = checks_of(load_sheet(changed_sheet({"motion.sizing_time_s": 2.0})), weakened)
+    assert checks["overload time"].used == 2.0
+    assert checks["normal moves"].limit == pytest.approx(179.7, abs=0.1)
+    assert checks["peak torque"].used == pytest.approx(1.1 * 196.4, abs=0.2)
+
+
+def test_a_quick_stop_has_what_the_reducer_bears(changed_sheet, paper_motor):
+    """22 kN m behind 88 are 250 N m, whatever the motor has."""
+    weak = load_sheet(changed_sheet({"gears.torque_momentary_nm": 22_000.0}))
+    checks = checks_of(weak, paper_motor)
+    assert checks["quick stop"].limit == pytest.approx(250.0)
+    assert checks["quick stop"].used == pytest.approx(243.9, abs=0.1)
+    assert machine_values(weak, paper_motor)["motor.torque_max_nm"] == pytest.approx(250.0)
+
+
+def test_what_comes_back_in_a_day_is_that_of_its_cycles_over_all_of_its_hours(sheet, paper_motor):
+    """40 cycles of 5387 J in 12 hours: 4.99 W."""
+    day = duty(Train(sheet, paper_motor.motor.inertia_kg_m2))
+    assert day.returned_j == pytest.approx(5387.0, rel=1e-3)
+    assert day.returned_mean_w == pytest.approx(40.0 * 5387.0 / (12.0 * 3600.0), rel=1e-3)
