@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,6 +13,7 @@ import pytest
 from gantryctl.cli.axis import service_state
 from gantryctl.cli.axis.service_axis import SHOWN_FRAMES, ServiceAxis
 from gantryctl.machine import default_machine
+from gantryctl.runtime import AlarmEntry
 from support.command_line import refused
 
 
@@ -52,6 +56,77 @@ def test_arming_for_somebody_else_ends(
     monkeypatch.setattr(service_state, "ServiceLink", lambda _: link)
     service_state.arm_for_another(default_machine(), "brake_test")
     assert link.looks == looks
+
+
+def test_what_somebody_else_has_armed_instead_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(lambda look: 2 <= look < 5)
+    look = link.look
+
+    def replaced() -> dict[str, Any]:
+        assert link.looks < 20, "it waits for the arming of somebody else"
+        found = look()
+        if link.looks >= 5:
+            found["armed_client"] = "c2"
+        return found
+
+    monkeypatch.setattr(link, "look", replaced)
+    monkeypatch.setattr(service_state, "ServiceLink", lambda _: link)
+    service_state.arm_for_another(default_machine(), "brake_test")
+    assert link.looks == 5
+
+
+def test_alarms_of_before_the_start_follow_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is in the memory already is told once."""
+    rows = [
+        {"code": "CTL-03", "text": "the newest", "at": "now", "time_s": 7.0, "pos_act_deg": 90.0, "severity": "STOP",
+         "follows": "", "first_out": True}
+    ]  # fmt: skip
+    kept = [AlarmEntry("INT-06", f"number {n}", "then", 1.0 * n, 0.0) for n in range(3)]
+    memory = SimpleNamespace(alarms=(*kept, AlarmEntry("CTL-03", "the newest", "now", 7.0000004, 1.5)))
+    link = Link(lambda _: False)
+    link.tags = {"alarm_history": rows, "alarms": rows}
+    monkeypatch.setattr(service_state, "ServiceLink", lambda _: link)
+    monkeypatch.setattr(service_state, "RetainedMemory", lambda _: SimpleNamespace(load=lambda: memory))
+    found, holds = service_state.service_alarms(default_machine())
+    assert [alarm.text for alarm in found] == ["the newest", "number 2", "number 1", "number 0"]
+    assert found[0].pos_act_rad == pytest.approx(1.5707963)
+    assert holds == ["CTL-03"]
+
+
+def test_events_are_those_on_the_disk() -> None:
+    """Three of 43 wait for it."""
+    tags = dict.fromkeys(("vel_act_deg_s", "unheld_power_left_s", "scan_overruns", "config_hash")) | {
+        "power": True, "drive_state": "ready", "authority_user": "anna", "journal_state": "slow",
+        "journal_sequence": 43, "journal_committed": 40,
+    }  # fmt: skip
+    assert dict(service_state.service_rows(tags))["journal"] == "slow, 40 events"
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_a_controller_that_was_started_anew_is_watched_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], as_json: bool
+) -> None:
+    """Its time begins with 0; a line a second before and behind it."""
+    ends: list[Callable[[], None]] = []
+    times = [100.0, 100.5, 101.0, 0.2, 0.7, 1.2, 1.3]
+
+    def look() -> dict[str, Any]:
+        link.looks += 1
+        if link.looks == len(times):
+            ends[0]()
+        return {
+            "time_s": times[link.looks - 1], "pos_act_deg": 1.0, "vel_act_deg_s": 0.0, "pos_err_deg": 0.0,
+            "axis_state": "standstill", "time_left_s": 0.0,
+        }  # fmt: skip
+
+    link = Link(lambda _: False)
+    monkeypatch.setattr(link, "look", look)
+    monkeypatch.setattr(service_state, "ServiceLink", lambda _: link)
+    monkeypatch.setattr(service_state, "stop_signals", lambda end: ends.append(end) or nullcontext())
+    service_state.watch_service(default_machine(), as_json=as_json)
+    lines = capsys.readouterr().out.splitlines()
+    told = [json.loads(line)["time_s"] if as_json else float(line.split()[0]) for line in lines]
+    assert told == [100.0, 101.0, 0.2, 1.2]
 
 
 def test_a_speed_that_cannot_be_is_refused_before_control_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

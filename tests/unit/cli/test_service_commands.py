@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from gantryctl.cli.service import user
 from gantryctl.machine import default_machine
+from gantryctl.service.recorder.journal import reading
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.writer import Journal
 from support.command_line import cli, done, refused
@@ -65,7 +69,9 @@ def test_the_journal_is_shown_verified_and_exported(root: Path) -> None:
     assert "event 3 is another one than on 2026-01-01" in cli("journal", "verify", "--anchor", kept).out
     kept.write_text("three\n", encoding="utf-8")
     assert "not lines of `gantryctl journal anchor`" in refused("journal", "verify", "--anchor", kept)
-    assert done("journal", "show", "--last", "2").out.count("stop: done") == 2
+    shown = done("journal", "show", "--last", "2").out
+    assert shown.count("stop: done") == 2
+    assert "anna (operator, local) " in shown
     assert done("journal", "show", "--json").json[0]["user"] == "anna"
     done("journal", "export", root / "events.jsonl")
     lines = (root / "events.jsonl").read_text(encoding="utf-8").splitlines()
@@ -166,6 +172,13 @@ def test_a_copy_of_the_journal_is_made_compared_and_checked_without_the_key(root
     said = done("journal", "verify", "--copy", copy).out
     assert said.endswith("copy: 3 events alike, 2 newer ones only in the journal\n")
     assert done("journal", "copy", copy).out == f"events up to 5 in {copy}, 2 of them new\n"
+    other = root / "other.sqlite"
+    other.write_bytes(copy.read_bytes().replace(b"stop: done", b"move: done"))
+    answer = cli("journal", "verify", "--copy", other)
+    assert (answer.code, "copy: NOT alike" in answer.out) == (1, True)
+    assert answer.out.startswith("5 events, chain and seals intact")
+    found = cli("journal", "verify", "--copy", other, "--json")
+    assert (found.code, found.json["intact"], bool(found.json["wrong"])) == (1, False, True)
     assert (
         done("journal", "verify", "--file", copy, "--without-key").out
         == "5 events, chain intact, seals not checked\n"
@@ -187,3 +200,39 @@ def test_a_copy_of_the_journal_is_made_compared_and_checked_without_the_key(root
     (changed,) = answer.json["changed"]
     assert changed[0] == changed[1]  # one event; the others are certain
     assert sum(last - first + 1 for first, last in answer.json["certain"]) == 4
+
+
+def test_an_export_of_a_journal_that_begins_later_has_each_event_once(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Events 1 to 40 were taken out; two are read at a time."""
+    held = [SimpleNamespace(seq=seq, values={}, hash="") for seq in range(41, 46)]
+
+    def read(_: Path, after: int = 0, limit: int = 2) -> list[SimpleNamespace]:
+        return [row for row in held if row.seq > after][:limit]
+
+    monkeypatch.setattr(reading, "read_journal", read)
+    assert done("journal", "export", root / "events.jsonl").out.startswith("5 events")
+    lines = (root / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line)["seq"] for line in lines] == [41, 42, 43, 44, 45]
+
+
+@pytest.mark.parametrize(
+    "change", [("add", "anna", "--role", "viewer"), ("passwd", "anna"), ("person", "anna", "bela"), ("remove", "anna")]
+)  # fmt: skip
+def test_each_change_of_the_users_waits_for_the_journals(
+    monkeypatch: pytest.MonkeyPatch, change: tuple[str, ...]
+) -> None:
+    did: list[str] = []
+
+    def note(name: str) -> Callable[..., None]:
+        return lambda *_: did.append(name)
+
+    accounts = SimpleNamespace(
+        add=note("changed"), set_password=note("changed"), set_person=note("changed"), remove=note("changed")
+    )
+    monkeypatch.setattr(user, "_users", lambda: accounts)
+    monkeypatch.setattr(user, "_wait_until_kept", note("waited"))
+    typing(monkeypatch, PASSWORD + "\n")
+    done("user", *change)
+    assert did == ["changed", "waited"]

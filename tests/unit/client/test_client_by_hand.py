@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -13,6 +14,8 @@ import pytest
 
 from gantryctl.client import Axis, MotionStopped, Refused, Service
 from gantryctl.client import axis as client_axis
+from gantryctl.client import service as client_service
+from gantryctl.client.connection import Reply
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
 from unit.client.played_service import PATIENCE_S, FakeService
 
@@ -214,3 +217,57 @@ def test_who_leaves_takes_nothing_from_the_next_holder(holder: str, fails: bool)
             raise KeyError
     ends = ["stop"] * fails + ["power", "give"]
     assert service.kinds() == ["take", "power", *([] if holder else ends)]
+
+
+def test_a_refused_setting_in_the_block_of_a_key_is_no_lost_key(axis: Axis, service: FakeService) -> None:
+    service.refused["set"] = "CTL-01"
+    with axis.hold("forward") as key:
+        with pytest.raises(Refused):
+            axis.set("speed_setting_deg_s", 60.0)
+        service.frame()
+        assert next(key) == axis.tags
+
+
+def test_a_refusal_is_not_among_what_was_done_but_not_kept(axis: Axis, service: FakeService) -> None:
+    service.refused["reset"] = "CTL-14"
+    with pytest.raises(Refused):
+        axis.reset()
+    assert not axis._connection.kept_late
+
+
+def test_what_a_command_did_is_shown_before_its_event_is_on_the_disk() -> None:
+    """The reply has waited for the disk as long as it had to; the tags need not."""
+    service = FakeService(journal_sequence=40, journal_committed=39)
+    with Axis(service) as axis:
+        done = Reply(9, ok=True, code="", text="", values={}, epoch=7, journal=40)
+        assert axis._connection._shows(done)
+        assert not axis._connection._shows(done._replace(journal=41))
+        assert not axis._connection._shows(done._replace(epoch=8))
+
+
+def test_leaving_logs_the_session_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own session: the request names it."""
+    sent: list[tuple[str, str, str]] = []
+    told = json.dumps({"user": "anna", "person": "anna", "role": "viewer", "may": ["view"]}).encode()
+
+    class Http:
+        def __init__(self, *_: object, **__: object) -> None:
+            pass
+
+        def request(self, method: str, path: str, _: object, headers: dict[str, str]) -> None:
+            sent.append((method, path, headers.get("Cookie", "")))
+
+        def getresponse(self) -> SimpleNamespace:
+            said = f"{client_service._SESSION}=0123; Path=/; Secure"
+            return SimpleNamespace(status=200, read=lambda: told, getheader=lambda *_: said)
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(client_service.http.client, "HTTPConnection", Http)
+    with Service("http://127.0.0.1:8650", "anna", "secret") as session:
+        pass
+    session.close()
+    assert sent == [
+        ("POST", "/api/v1/login", ""), ("POST", "/api/v1/logout", f"{client_service._SESSION}=0123")
+    ]  # fmt: skip

@@ -146,7 +146,22 @@ def test_who_goes_frees_control_and_is_told() -> None:
     bench.send(one, "gone")
     bench.scans(2)
     assert bench.operator.authority.holder is None
-    assert told(bench, "authority")[-1] == "control is free: the holder has gone"
+    *_, last = (json.loads(record) for record in bench.event_ring.peek(1000) if record)
+    assert (last["kind"], last["user"]) == ("authority", one.user)
+    assert last["text"] == "control is free: the holder has gone"
+
+
+@pytest.mark.parametrize("asks", [("remote", "console"), ("console", "remote")])
+def test_who_asks_for_control_in_vain_changes_no_speed_cap(asks: tuple[str, str]) -> None:
+    """The cap is that of the screen that has control, not of the one that has asked for it last."""
+    bench = Bench()
+    holder, other = (bench.who(client=place, place=place) for place in asks)
+    bench.powered(holder)
+    bench.engine.drive.faults.enabling_switch = False
+    bench.do(holder, "set", tag="speed_setting_deg_s", value=3.0)
+    assert bench.refused(other, "take", over=False) == "SEC-07"
+    reply = bench.ask(holder, "move", target_deg=20.0)
+    assert reply["code"] == ("INT-05" if holder.remote else "")
 
 
 def test_a_quick_stop_is_no_other_stop_as_well() -> None:

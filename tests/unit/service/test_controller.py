@@ -385,6 +385,8 @@ def test_a_locked_alarm_of_an_earlier_run_is_reset_by_service_only_and_in_two_st
         assert desk.ask("take", over=False) == ""
         assert desk.ask("reset") == "CTL-14"
         assert desk.ask("power", on=True) == "PWR-04"
+        # A reset that was refused lets the next start forget nothing.
+        assert desk.controller.retainer.retained.error_stop == "BRK-04"
         assert desk.ask("take", SERVICE, over=True) == ""
         assert desk.ask("reset", SERVICE) == "SEC-10"
         assert desk.ask("arm", SERVICE, action="reset_locked") == ""

@@ -155,8 +155,10 @@ class Display:
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the present state."""
-        # A plain log (a file, a pipe) gets a line now and then, a terminal one that is written over.
-        if not self._enabled or (not self._live and snapshot.time_s < self._next_s):
+        # A plain log (a file, a pipe) gets a line now and then, a terminal one that is written over. The time of a
+        # service begins anew with its controller.
+        waits = self._next_s - self._log_every_s <= snapshot.time_s < self._next_s
+        if not self._enabled or (not self._live and waits):
             return
         self._next_s = snapshot.time_s + self._log_every_s
         dial = self._machine.axis.dial

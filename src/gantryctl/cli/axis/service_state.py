@@ -61,7 +61,8 @@ def watch_service(machine: Machine, *, as_json: bool) -> None:
     with stop_signals(end), ServiceLink(directory_of(machine)) as link:
         while not ended:
             tags = link.look()
-            if as_json and tags["time_s"] >= next_s:
+            # A controller that was started anew counts from 0.
+            if as_json and not next_s - WATCH_S <= tags["time_s"] < next_s:
                 next_s = tags["time_s"] + WATCH_S
                 click.echo(json.dumps(tags, allow_nan=False))
             display.show(

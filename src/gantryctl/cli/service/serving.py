@@ -139,7 +139,7 @@ def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
     Raises:
         UsageError: there are no users for an address beyond loopback.
     """
-    host, port = split(address)
+    host, port = split(address, "--opcua", 4840)
     # An extra, because no controller needs it, and in a process of its own: a foreign stack must not disturb a scan.
     if not is_loopback(host) and not Users(root).all():
         raise UsageError(f"--opcua {address}: there are no users: gantryctl user add NAME --role viewer")
@@ -220,12 +220,13 @@ def how_to_log_in(users: Users) -> str:
     return "there are no users yet: gantryctl user add NAME --role operator"
 
 
-def split(address: str) -> tuple[str, int]:
-    """Split HOST:PORT; UsageError for anything else."""
+def split(address: str, option: str = "--listen", usual_port: int = 8650) -> tuple[str, int]:
+    """Split HOST:PORT of an option; UsageError for anything else."""
     host, colon, port = address.rpartition(":")
     host = host.strip("[]")
-    if not colon or not host or not port.isdigit() or not int(port) <= 65535:
-        raise UsageError(f"--listen {address}: write HOST:PORT, for example 127.0.0.1:8650")
+    # `isdigit` alone takes a superscript, which is no number.
+    if not colon or not host or not (port.isascii() and port.isdigit()) or not int(port) <= 65535:
+        raise UsageError(f"{option} {address}: write HOST:PORT, for example 127.0.0.1:{usual_port}")
     return host, int(port)
 
 
