@@ -46,6 +46,8 @@ def sign(c: Context) -> StepResult:
     """Command a half-sine pulse of speed: position and speed must show the commanded way, then the lowered 6072 act."""
     figures: dict[str, Figure] = {}
     with open_loop_axis(c, _LEASH_DEG, "speed pulse", following=False) as axis:
+        sdo = axis.drive.node.sdo
+        full = {index: sdo.optional(index) for index in (_TORQUE_LIMIT, _SPEED_CEILING)}
         lowered = _lower_limits(c, axis)
         axis.enable()
         way, way_by_speed = _pulse(axis)
@@ -57,6 +59,9 @@ def sign(c: Context) -> StepResult:
         if all(figure.within for figure in figures.values()):
             proof += _push(axis, lowered, figures)
         axis.disable()
+        # Of a drive that is off. One that had to be stopped keeps the low ones until the next start.
+        for index in lowered:
+            sdo.set(index, 0, full[index] or 0)
         settings = axis.drive.opened.settings
         known = any(
             row.place == "608F:01" and row.verdict is ParameterVerdict.OK for row in axis.drive.opened.rows
@@ -99,7 +104,9 @@ def _at_ceiling(c: Context) -> float:
     """Speed at a lowered 6080, with 60FF above it: by the increments of the machine file, as part of what it is."""
     with open_loop_axis(c, _LEASH_DEG, "speed ceiling", following=False) as axis:
         ceiling = max(1, round(_COUNTED_DEG_S * axis.ratio / DEG_S_PER_R_MIN))
-        axis.drive.node.sdo.set(_SPEED_CEILING, 0, ceiling)
+        sdo = axis.drive.node.sdo
+        full = sdo.number(_SPEED_CEILING)
+        sdo.set(_SPEED_CEILING, 0, ceiling)
         axis.enable()
         seen = []
         for k in range(round(_COUNTED_S / axis.period_s)):
@@ -109,6 +116,7 @@ def _at_ceiling(c: Context) -> float:
                 seen.append(axis.speed_deg_s)
         axis.run(_REST_S)
         axis.disable()
+        sdo.set(_SPEED_CEILING, 0, full)
     return sum(seen) / len(seen) / (ceiling * DEG_S_PER_R_MIN / axis.ratio)
 
 
@@ -158,7 +166,7 @@ def _push(axis: OpenLoopAxis, lowered: dict[int, int], figures: dict[str, Figure
 
 
 def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
-    """Lower 6072 and 6080 for the test move only, and read them back; the next start writes the full ones again.
+    """Lower 6072 and 6080 for the test move only, and read them back.
 
     Returns:
         Values by index of those that the drive takes.

@@ -53,6 +53,8 @@ def test_parameters_that_the_drive_refuses_are_told(monkeypatch: pytest.MonkeyPa
         (SPAN - 5, 5, 10),
         (5, SPAN - 5, 10),
         (2000, 10, 1990),
+        # As far on the other side of 0: a telegram with the wrong sign.
+        (-400, 400, 800),
         (10, 2000, 1990),
     ],
 )
@@ -286,6 +288,20 @@ def test_an_input_passes_when_it_has_changed_and_come_back(
     assert (found.outcome is Outcome.PASSED) is comes_back
     assert "door_ok" in found.proof
     assert found.proof.endswith("one after the other: door_ok, estop_ok") is comes_back
+
+
+def test_an_input_whose_node_is_lost_for_a_while_has_not_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its level is not known then; the lost one is back before the time is over, as it was."""
+    drive = bus_drive(0, 0)
+
+    def levels() -> dict[str, bool]:
+        return {"estop_ok": True} if 40 <= len(drive.wrote) < 60 else {"door_ok": True, "estop_ok": True}
+
+    drive.beside = SimpleNamespace(inputs=SimpleNamespace(levels=levels))  # type: ignore[attr-defined]
+    monkeypatch.setattr(steps_bus, "_BY_HAND_S", 0.4)
+    found = judged(monkeypatch, "wiring", drive)
+    assert found.outcome is Outcome.FAILED
+    assert found.proof.startswith("door_ok (")
 
 
 def bus_drive(pdo: int, sdo: int, missed: tuple[int, ...] = (0, 0)) -> HandDrive:

@@ -80,8 +80,10 @@ def test_the_ceiling_of_the_speed_is_seen_in_its_second_half_and_left_at_rest(
         return seen._replace(vel_act_rad_s=15 * 0.1047198 * (0.1 if scans <= 50 else 1.0) * (scans > 0))
 
     drive.spoil = spoil
+    ceilings, write = [], drive.write
+    drive.write = lambda output: (ceilings.append(drive.sdo.values[0x6080]), write(output))[1]  # type: ignore[method-assign]
     assert steps_sign._at_ceiling(context()) == pytest.approx(1.0)
-    assert drive.sdo.values[0x6080] == 15
+    assert set(ceilings) == {15}
     assert drive.leashes == [(0.05, False)]
     assert told(drive) == [UP, ("turns", 100), ("stands", 125), *DOWN]
 

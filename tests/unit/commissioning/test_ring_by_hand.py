@@ -18,6 +18,8 @@ from gantryctl.commissioning.load_side.ring import (
     zero_proposed,
 )
 from gantryctl.commissioning.results import Outcome
+from gantryctl.drives.canopen.nodes.ring_encoder import RingAngle
+from gantryctl.drives.canopen.settings import LoadEncoderSettings
 from gantryctl.machine import with_values
 from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of
 
@@ -29,6 +31,33 @@ def test_each_way_has_its_own_ratio() -> None:
     found = _judged(MACHINE, _Standing(0.0, 0.0), _Standing(10.0, 10.0), _Standing(0.0, 5.0))
     names = ("ratio_forward", "ratio_back", "slip_deg")
     assert [found.number(name) for name in names] == pytest.approx([1.0, 0.5, 5.0])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_ring_on_the_other_side_of_its_half_turn_stands_where_the_motor_does(side: float) -> None:
+    """Motor at 179.99 deg, ring at -179.99: 0.02 deg apart, and no turn."""
+    motor, ring = (side * deg for deg in (179.99, -179.99))
+    found = _judged(RING, *(_Standing(motor + way, ring + way) for way in (0.0, -1.5 * side, 0.0)))
+    assert found.number("apart_deg") == pytest.approx(0.02 * side)
+    assert found.outcome is Outcome.PASSED
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_with_the_proposed_zero_the_ring_shows_what_the_motor_shows(inverted: bool) -> None:
+    """At 12 deg by the motor, whichever way the ring counts."""
+    raw, turn = 123_456, 1 << 20
+    was = LoadEncoderSettings(4, turn, 1000, inverted)
+
+    def shown(settings: LoadEncoderSettings) -> float:
+        angle = RingAngle(settings, turn, 0.004)
+        angle.take(raw, 1)
+        return math.degrees(angle.after(0))
+
+    changes = {"counts_per_turn": turn, "zero_counts": was.zero_counts, "inverted": inverted}
+    machine = with_values(RING, {f"can.load_encoder.{name}": value for name, value in changes.items()})
+    zero = zero_proposed(machine, math.remainder(shown(was) - 12.0, 360.0))
+    # Half a step of 2^20.
+    assert shown(was._replace(zero_counts=zero)) == pytest.approx(12.0, abs=180.0 / turn)
 
 
 def test_how_far_both_are_apart_is_seen_before_anything_turns() -> None:

@@ -12,6 +12,7 @@ from gantryctl.commissioning import steps_power, steps_sign
 from gantryctl.commissioning.results import Figure, Outcome
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import AlarmStop, DeviceError
+from gantryctl.image import DriveRequest
 from unit.commissioning.hand_drive import (
     PERIOD_S,
     HandDrive,
@@ -39,6 +40,20 @@ def sign_drive(way: float = 1.0, shown: float = 1.0, *, torque_nm: float = 128.0
     return drive
 
 
+def limits_of(drive: HandDrive) -> list[dict[int, int]]:
+    """6072 and 6080 while it is enabled, each pair once."""
+    found: list[dict[int, int]] = []
+    write = drive.write
+
+    def seen(output: Any) -> None:
+        if output.request is DriveRequest.ENABLE and dict(drive.sdo.values) not in found:
+            found.append(dict(drive.sdo.values))
+        write(output)
+
+    drive.write = seen  # type: ignore[method-assign]
+    return found
+
+
 @pytest.mark.parametrize(
     ("way", "shown", "passes"),
     [
@@ -48,6 +63,7 @@ def sign_drive(way: float = 1.0, shown: float = 1.0, *, torque_nm: float = 128.0
 )  # fmt: skip
 def test_the_sign_is_that_of_position_and_speed(step: Any, way: float, shown: float, passes: bool) -> None:
     drive = sign_drive(way, shown)
+    limits = limits_of(drive)
     found = step(steps_sign, "sign", drive)
     assert (found.outcome is Outcome.PASSED) is passes, found.proof
     assert found.number("ratio_position") == pytest.approx(way, abs=0.01)
@@ -55,16 +71,20 @@ def test_the_sign_is_that_of_position_and_speed(step: Any, way: float, shown: fl
     # Only a drive that turned the right way was pushed: 0.06 deg/s is faster than any pulse.
     pushed = any(output.vel_cmd_rad_s < -math.radians(0.06) * 1144 for output in drive.wrote)
     assert pushed is passes
-    # Half of 257 N m in 0.257 N m, 0.6 deg/s in r/min of the motor (114.4), rounded up.
-    assert drive.sdo.values == {0x6072: 500, 0x6080: 115}
+    # Half of 257 N m in 0.257 N m, 0.6 deg/s in r/min of the motor (114.4), rounded up; then what was there before.
+    assert limits == [{0x6072: 500, 0x6080: 115}]
+    assert drive.sdo.values == {0x6072: 1498, 0x6080: 1239}
 
 
 @pytest.mark.parametrize(("torque_nm", "words"), [(100.0, ""), (0.0, ""), (160.0, "is not heeded")])
 def test_a_lowered_torque_limit_is_reached_and_not_passed(step: Any, torque_nm: float, words: str) -> None:
     """128.5 N m; 0.9 of it must be reached, 1.15 of it not be passed."""
     if words:
+        drive = sign_drive(torque_nm=torque_nm)
         with pytest.raises(AlarmStop, match=words):
-            step(steps_sign, "sign", sign_drive(torque_nm=torque_nm))
+            step(steps_sign, "sign", drive)
+        # A drive that heeds no limit gets no higher one.
+        assert drive.sdo.values == {0x6072: 500, 0x6080: 115}
     else:
         assert step(steps_sign, "sign", sign_drive(torque_nm=torque_nm)).outcome is Outcome.FAILED
 
@@ -108,8 +128,10 @@ def test_a_ceiling_in_r_min_shows_the_increments_of_a_turn(step: Any, shown: flo
         write(output._replace(vel_cmd_rad_s=min(output.vel_cmd_rad_s, most)))
 
     drive.write = at_ceiling  # type: ignore[method-assign]
+    limits = limits_of(drive)
     assert step(steps_sign, "_at_ceiling", drive) == pytest.approx(shown, rel=1e-6)
-    assert drive.sdo.values[0x6080] == 15
+    assert [each[0x6080] for each in limits] == [15]
+    assert drive.sdo.values[0x6080] == 1239
 
 
 @pytest.mark.parametrize(

@@ -85,6 +85,22 @@ def test_a_drive_that_had_to_be_broken_off_is_left_as_it_is(monkeypatch: pytest.
     assert silences.did == ["silent"]
 
 
+def test_a_drive_that_heeds_its_first_silence_and_not_the_second_has_proven_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    silences = Silences(monkeypatch, HandDrive(), tuple(silence.Way))
+    liar = silence.SilentDrive(broken_off="still operation enabled · torque off and brake closed after 20 ms")
+    fall = silences.fall
+    monkeypatch.setattr(
+        steps_silence,
+        "fall_silent",
+        lambda axis, to: liar if silence.Way.HEARTBEAT in to.ways else fall(axis, to),
+    )
+    found = steps_silence.silence(context())
+    assert (found.outcome, "kept" in silences.did) == (Outcome.FAILED, False)
+    assert "heartbeat silent: no EMCY, still operation enabled" in found.proof
+
+
 def test_a_drive_without_a_watch_has_shown_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     silences = Silences(monkeypatch, HandDrive(), ())
     assert steps_silence.silence(context()).outcome is Outcome.NOT_TESTABLE

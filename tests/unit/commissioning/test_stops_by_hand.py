@@ -106,6 +106,19 @@ def test_a_drive_may_leave_its_quick_stop_when_it_hardly_turns(
         measure_quick_stop(axis, way * speed, 5.4)
 
 
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_a_drive_that_turns_round_in_its_quick_stop_does_not_stand(speed: float) -> None:
+    """It leaves its quick stop at 0.5 deg/s the other way, within the way that is permitted."""
+    drive, axis = enabled()
+    axis.ramp_to(speed, 5.0)
+    drive.spoil = lambda seen: seen._replace(
+        state=S.SWITCH_ON_DISABLED if abs(drive.speed) <= 0.1 else S.QUICK_STOP_ACTIVE,
+        vel_act_rad_s=math.radians(-0.5 * speed) * 1144 if abs(drive.speed) <= 0.1 else seen.vel_act_rad_s,
+    )
+    with pytest.raises(AlarmStop, match=r"left its quick stop for switch on disabled at 0\.50 deg/s"):
+        measure_quick_stop(axis, speed, 5.4)
+
+
 @pytest.mark.parametrize(("scans", "obeyed"), [(5, True), (6, False)])
 def test_a_quick_stop_may_show_five_scans_after_its_command(scans: int, obeyed: bool) -> None:
     """At the next SYNC it acts, at the one after it shows, and two scans more are granted."""
@@ -469,6 +482,18 @@ def test_a_shaft_that_creeps_on_behind_its_brake_has_not_stopped(
         # 357 scans are the first beyond 1.426 s, 857 beyond 3.426 s.
         assert seen.broken_off.startswith(f"in fault after {1.4 + ramp_s:.1f} s")
         assert len(drive.wrote) > scans
+
+
+@pytest.mark.parametrize("state", [S.SWITCHED_ON, S.READY_TO_SWITCH_ON, S.UNKNOWN])
+def test_a_drive_that_is_neither_off_nor_in_its_fault_is_broken_off(state: DriveState) -> None:
+    """At rest, braked, and one word from its torque: it has left Operation enabled, and not switched itself off."""
+    drive, axis, _ = silent_fault()
+    drive.state = state
+    drive.process.statusword = {S.SWITCHED_ON: 0x23, S.READY_TO_SWITCH_ON: 0x21, S.UNKNOWN: 0x01}[state]
+    drive.write = drive.wrote.append  # type: ignore[method-assign]
+    seen = silence.fall_silent(axis, silence.Silence((silence.Way.HEARTBEAT,), 0.05, 1.0))
+    assert not seen.stopped
+    assert seen.broken_off.startswith(f"in {state.name.lower().replace('_', ' ')} after 1.4 s")
 
 
 def test_what_a_sync_shows_right_after_the_limit_was_so_before() -> None:
