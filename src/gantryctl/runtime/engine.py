@@ -27,7 +27,7 @@ from gantryctl.runtime.clocks import VirtualClock
 from gantryctl.runtime.interrupts import DeferredInterrupt
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
 from gantryctl.runtime.statistics import ScanStatistics
-from gantryctl.runtime.stopping import StopProgram, StopTimes, quick_stop_output
+from gantryctl.runtime.stopping import REFERENCE_STOP, StopProgram, StopTimes, quick_stop_output
 from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees, unit_of
 
 if TYPE_CHECKING:
@@ -63,6 +63,9 @@ class Engine:
     brake and take the torque off, without the program. A recorder that fails loses the rest of its
     recording, and the axis goes on.
 
+    Args:
+        stop_times: of the stop behind a failure.
+
     Attributes:
         scan: number of the next scan: scans done so far and deadlines missed.
         image: input of the last scan, `NOTHING_READ` before the first.
@@ -70,7 +73,6 @@ class Engine:
         statistics: how well real time was kept; nothing is measured in virtual time.
         failure: what ended the program, or None.
         overrun_limits: when the policy acts; the caller may set others.
-        stop_times: of the stop behind a failure; the caller may set others.
         system_stop: why the overrun policy stops the axis, or None; whoever has acknowledged it clears it.
         recording_fault: why the recording ended early, or None.
     """
@@ -85,6 +87,7 @@ class Engine:
         recorder: Recorder | None = None,
         truth: Truth | None = None,
         overrun_policy: OverrunPolicy = OverrunPolicy.CONTINUE,
+        stop_times: StopTimes = REFERENCE_STOP,
     ) -> None:
         if not (math.isfinite(period_s) and period_s > 0.0):
             raise UsageError(f"scan period must be above 0 s, got {period_s} s")
@@ -92,7 +95,7 @@ class Engine:
         self.period_s = period_s
         self.recorder, self.truth = recorder, truth
         self.overrun_policy, self.overrun_limits = overrun_policy, OverrunLimits()
-        self.stop_times = StopTimes()
+        self._stop_times = stop_times
         self.scan = 0
         self.image: InputImage = NOTHING_READ
         self.output: OutputImage = SAFE_OUTPUT
@@ -268,7 +271,7 @@ class Engine:
         # The brake stays as it was: closing on a turning gantry loads the reducer more than the ramp (decision 0006).
         output = quick_stop_output(self.output.brake_open)
         if not isinstance(self._active, StopProgram):
-            self._active = StopProgram(output.brake_open, self.program.trace_columns, self.stop_times)
+            self._active = StopProgram(output.brake_open, self.program.trace_columns, self._stop_times)
         try:
             with suppress(Exception):
                 if self._record is not None:

@@ -22,6 +22,9 @@ class StopTimes(NamedTuple):
     """Time for the brake to close before the torque goes off: twice its closing time."""
 
 
+REFERENCE_STOP: Final = StopTimes()
+
+
 def quick_stop_output(brake_open: bool) -> OutputImage:
     """Ask for the drive's own ramp to zero; the brake stays as it was.
 

@@ -12,7 +12,7 @@ from gantryctl.ports import Clock, Drive, Operator, Recorder
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.program.settings import AxisSettings
 from gantryctl.runtime import Engine, FixedOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
-from gantryctl.runtime.stopping import StopTimes
+from gantryctl.runtime.stopping import REFERENCE_STOP, StopTimes
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.program import axis_settings
 
@@ -144,7 +144,7 @@ def build_engine(
     real_time = real_time or machine.paced_by_clock
     clock: Clock = RealClock(period_s) if real_time else VirtualClock()
     truth = drive.truth_source
-    engine = Engine(
+    return Engine(
         drive,
         program,
         operator or FixedOperator(),
@@ -155,14 +155,13 @@ def build_engine(
         # A simulated plant waits for a late scan and nothing is missed; a drive on a bus goes on with the last command
         # (decision 0005).
         overrun_policy=OverrunPolicy.QUICK_STOP if machine.on_bus and real_time else OverrunPolicy.CONTINUE,
+        stop_times=_stop_times(program.axis.settings),
     )
-    engine.stop_times = _stop_times(program.axis.settings)
-    return engine
 
 
 def _stop_times(settings: AxisSettings) -> StopTimes:
     """Times of a stop behind a failed program, for ramp and brake of this machine."""
-    least = StopTimes()
+    least = REFERENCE_STOP
     ramp_s = settings.speed.setting_max_rad_s / settings.ramps.quick_dec_rad_s2
     return StopTimes(
         max(least.ramp_s, 2.0 * ramp_s), max(least.brake_s, 2.0 * settings.power.brake_close_time_s)
