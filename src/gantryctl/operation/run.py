@@ -53,7 +53,8 @@ _Done = TypeVar("_Done")
 
 # A stop on the slowest ramp from the highest speed takes less.
 REST_S: Final = 120.0
-# Power sequence and brake test have time limits of their own; these are only a net below them.
+# Power sequence and brake test have time limits of their own; these are only a net below them, wider where a drive may
+# take long to enable.
 _POWER_S: Final = 10.0
 _TEST_S: Final = 30.0
 
@@ -111,6 +112,7 @@ class AxisRun:
         self._scans = SlicedScan(self.engine, self.axis, self.operator, frames, observer)
         # Torque has held the load, and nobody has looked since whether the brake does.
         self._powered = self._unwatched = self._closed = False
+        self._power_s = max(_POWER_S, 2.0 * self.axis.settings.power.power_up_time_s)
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
@@ -190,14 +192,14 @@ class AxisRun:
         self._scans.command(power=True)
         # An alarm or a refusal ends the waiting: nothing that comes later would switch the axis on.
         self._scans.until(
-            lambda: self.axis.state is AxisState.STANDSTILL or self._power_refused(refusals), _POWER_S
+            lambda: self.axis.state is AxisState.STANDSTILL or self._power_refused(refusals), self._power_s
         )
         self._raise_alarm()
         if self._power_refused(refusals):
             require(self.axis.refusal)
         if self.axis.state is not AxisState.STANDSTILL:
             raise AlarmStop(
-                f"{Code.SYS_10} STOP · power-up did not end within {_POWER_S:g} s, "
+                f"{Code.SYS_10} STOP · power-up did not end within {self._power_s:g} s, "
                 f"the axis is {state_words(self.axis.state)} · "
                 "a custom program must switch power on when the operator wants it",
                 Code.SYS_10,
@@ -228,7 +230,7 @@ class AxisRun:
                 raise AlarmStop(alarm.text, alarm.code)
         if told is None and not self.axis.is_off:
             raise AlarmStop(
-                f"{Code.SYS_10} STOP · power-down did not end within {_POWER_S:g} s, "
+                f"{Code.SYS_10} STOP · power-down did not end within {self._power_s:g} s, "
                 f"the axis is {state_words(self.axis.state)} · "
                 "a custom program must switch power off when the operator does not want it any more",
                 Code.SYS_10,
@@ -238,7 +240,7 @@ class AxisRun:
         self._powered = False
         self._scans.command(power=False, forward=False, reverse=False, move=False)
         self._scans.until(lambda: self._is_down() or self.axis.at_rest, REST_S, watch=False)
-        self._scans.until(self._is_down, _POWER_S, watch=False)
+        self._scans.until(self._is_down, self._power_s, watch=False)
         self._scans.until(self.load_is_held, BRAKE_WATCH_S, watch=False)
         self._unwatched = False
 
@@ -384,7 +386,7 @@ class AxisRun:
         self._scans.command(brake_test=False)
         self._raise_refusal(refusals)
         self._unwatched = True
-        self._scans.until(lambda: not self.axis.brake_test.under_way, _TEST_S)
+        self._scans.until(lambda: not self.axis.brake_test.under_way, self._power_s + _TEST_S)
         result = self.axis.brake_test.last
         assert result is not None
         self._memory.brake_tested(result)

@@ -19,7 +19,7 @@ from gantryctl.operation.ledger.acceptance import (
 from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
 from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unproven, unset
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
-from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
+from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN, permitted_speed_deg_s
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.proofs import (
     bus_reasons,
@@ -405,3 +405,21 @@ def test_an_input_may_be_wired_to_a_node(bit: int, place: str) -> None:
     node = {"can.io.node": 9, "can.io.inputs.estop_ok": bit}
     row = row_of("estop_ok", machine=with_values(without("estop_ok"), node))
     assert (row.standing, row.by) == (Standing.OBJECT if place else Standing.LACKING, place)
+
+
+@pytest.mark.parametrize(
+    ("speed_deg_s", "shown_deg_s"),
+    [(3.28, 3.2), (5.0, 5.0), (12.39, 12.3), (1.0, 1.0), (0.489, 0.48), (0.0937, 0.093), (0.0, 0.0)],
+)
+def test_a_highest_speed_is_never_rounded_up_nor_to_nothing(speed_deg_s: float, shown_deg_s: float) -> None:
+    """A nacelle turns with 0.48 deg/s at most."""
+    assert permitted_speed_deg_s(speed_deg_s) == pytest.approx(shown_deg_s, abs=1e-12)
+
+
+def test_the_newest_of_two_acceptances_is_told() -> None:
+    machine = without("estop_ok")
+    first = accepted(machine, "estop_ok", FACTS)
+    second = replace(first, by="Ben", because="the chain is wired to the drive alone")
+    for acceptances, name in (((first, second), "Ben"), ((second, first), first.by)):
+        (row,) = [row for row in ledger(machine, FACTS, ALL_PROVEN, acceptances) if row.what == "estop_ok"]
+        assert (row.standing, row.by) == (Standing.ACCEPTED, name)

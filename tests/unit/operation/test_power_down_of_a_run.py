@@ -11,13 +11,13 @@ import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.image import DriveRequest
+from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation.client import Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
-from gantryctl.program import Axis, AxisProgram, Code, GantryProgram, PowerPhase
+from gantryctl.program import Axis, AxisProgram, BrakeTestOutcome, Code, GantryProgram, PowerPhase
 from gantryctl.program.blocks import Power
 from gantryctl.runtime import ScanFailure
 from gantryctl.units import deg
@@ -313,3 +313,22 @@ def test_a_program_that_keeps_power_on_is_told_so_ten_seconds_later() -> None:
         run.power_down()
     assert run.engine.time_s - begun_s == pytest.approx(11.0, abs=0.2)
     run.close("failed")
+
+
+def test_a_drive_that_may_take_long_to_enable_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """12 s, for its DC link; [monitors] power_up_time_ms permits 20."""
+    slow = {"drive.kind": "ideal", "control.scan_period_ms": 10.0, "monitors.power_up_time_ms": 20_000.0}
+    run = AxisRun(with_values(default_machine(), slow))
+    read = run.drive.read
+
+    def charging() -> Any:
+        seen = read()
+        enabled = seen.state is DriveState.OPERATION_ENABLED and run.engine.time_s < 12.0
+        return seen._replace(state=DriveState.SWITCHED_ON) if enabled else seen
+
+    monkeypatch.setattr(run.drive, "read", charging)
+    run.power_up()
+    assert run.engine.time_s == pytest.approx(12.0, abs=1.0)
+    run.power_down()
+    assert run.test_brake().outcome is not BrakeTestOutcome.NONE
+    run.close("done")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gantryctl.drives.od.facts import DriveFacts
@@ -23,14 +23,14 @@ def ledger(
     machine: Machine,
     facts: DriveFacts | None,
     proofs: Proofs = NOTHING_PROVEN,
-    acceptances: Iterable[Acceptance] = (),
+    acceptances: Sequence[Acceptance] = (),
 ) -> tuple[LedgerRow, ...]:
     """The rows of a machine with a drive on a bus.
 
     Args:
         facts: the drive as its set-up leaves it (`wiring.canopen.set_up_facts` of an EDS); None before it was asked.
         proofs: what commissioning has shown of this drive in this configuration.
-        acceptances: those of another drive, firmware, parameters or configuration do not count.
+        acceptances: the newest last; those of another drive, firmware, parameters or configuration do not count.
     """
     rows = [input_row(machine, name, facts) for name in SAFETY_INPUTS]
     rows.append(following_row(machine))
@@ -71,11 +71,11 @@ def known_of_model(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:
     )
 
 
-def _accepted(row: LedgerRow, acceptances: Iterable[Acceptance], bound_to: Binding) -> LedgerRow:
+def _accepted(row: LedgerRow, acceptances: Sequence[Acceptance], bound_to: Binding) -> LedgerRow:
     """The row as a person has accepted it; a failed proof and what nobody may accept stay as they are."""
     if not (row.lacking and row.acceptable):
         return row
-    for each in acceptances:
+    for each in reversed(acceptances):  # the newest counts
         if each.what == row.what and each.bound_to == bound_to:
             said = Words.LEDGER_ENTERED_BY(because=each.because, date=each.date, user=each.entered_by)
             return row._replace(standing=Standing.ACCEPTED, by=each.by, detail=Clauses((said, *row.detail)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from gantryctl.drives.od.verdicts import ParameterVerdict
@@ -19,6 +18,7 @@ from gantryctl.operation.ledger.rows import (
     Question,
     Standing,
     costs,
+    permitted_speed_deg_s,
     step_failed,
 )
 from gantryctl.operation.ledger.silence import watch_step
@@ -94,7 +94,7 @@ def ramp_row(q: Question) -> LedgerRow:
     detail = Clauses((*why, own))
     permitted, fastest = m.required.stopping_angle_deg, None
     if angle > permitted:
-        fastest = math.floor(10.0 * silent_speed_max_deg_s(m, reaction_ms, dec_deg_s2=dec)) / 10.0
+        fastest = permitted_speed_deg_s(silent_speed_max_deg_s(m, reaction_ms, dec_deg_s2=dec))
         detail = Clauses((*detail, Words.LEDGER_NOT_FASTER(limit=permitted, speed=fastest)))
     return LedgerRow(RAMP, Standing.PROVEN, _by(RAMP_STEP), detail, RAMP_STEP, False, fastest)
 

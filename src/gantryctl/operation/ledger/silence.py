@@ -12,6 +12,7 @@ from gantryctl.operation.ledger.rows import (
     Question,
     Standing,
     costs,
+    permitted_speed_deg_s,
     step_failed,
 )
 from gantryctl.program.alarms.words import Clauses, Said, Words
@@ -79,7 +80,7 @@ def _way(q: Question, delay_ms: float, ways: tuple[bool, ...]) -> tuple[tuple[Sa
     if angle <= permitted:
         return (way,), None
     speed = min(silent_speed_max_deg_s(m, delay_ms, brake=brake, dec_deg_s2=dec) for brake in ways)
-    fastest = math.floor(10.0 * speed) / 10.0
+    fastest = permitted_speed_deg_s(speed)
     slower = Words.LEDGER_NOT_FASTER(limit=permitted, speed=fastest)
     # Where drive and computer hold a shorter one, it gives the speed back.
     top = m.speed.setting_max_deg_s

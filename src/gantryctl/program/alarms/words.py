@@ -454,7 +454,7 @@ class Words(Enum):
     LEDGER_BRAKE = "torque off and brake", "切断转矩并制动"
     LEDGER_RAMP_OR_BRAKE = "its ramp or torque off and brake", "按自身斜坡减速，或切断转矩并制动"
     LEDGER_NOT_FASTER = (
-        "permitted {limit:g} deg: not faster than {speed:.1f} deg/s",
+        "permitted {limit:g} deg: not faster than {speed:g} deg/s",
         "允许 {limit}°：速度不超过 {speed} °/s",
     )
     LEDGER_SHORTER_ALLOWS = "{time_ms:.0f} ms allow {speed:g} deg/s", "{time_ms} ms 则允许 {speed} °/s"
