@@ -93,9 +93,9 @@ def settings(**changes: object) -> CanopenSettings:
 # 5.4 deg/s2 at the gantry are 17.16 turns/s2 of the motor, 6.5 deg/s 1239.3 r/min; 385 of 257 N m are 1498 per mille.
 WANTED = {
     (0x60A9, 0): 0x00B5_0300, (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x1007, 0): 0, (0x60C2, 1): 4, (0x60C2, 2): -3,
-    (0x1017, 0): 50, (0x1016, 1): 0x007F_0096, (0x1400, 5): 50, (0x6007, 0): 1, (0x605E, 0): 2, (0x605A, 0): 2,
-    (0x605B, 0): 1, (0x605C, 0): 1, (0x605D, 0): 1, (0x1029, 1): 0, (0x6085, 0): 8_996_782, (0x6080, 0): 1239,
-    (0x6072, 0): 1498, (0x6076, 0): 257_000, (0x6502, 0): 0x100, (0x608F, 1): 524_288, (0x608F, 2): 1,
+    (0x1014, 0): 0x82, (0x1017, 0): 50, (0x1016, 1): 0x007F_0096, (0x1400, 5): 50, (0x6007, 0): 1, (0x605E, 0): 2,
+    (0x605A, 0): 2, (0x605B, 0): 1, (0x605C, 0): 1, (0x605D, 0): 1, (0x1029, 1): 0, (0x6085, 0): 8_996_782,
+    (0x6080, 0): 1239, (0x6072, 0): 1498, (0x6076, 0): 257_000, (0x6502, 0): 0x100, (0x608F, 1): 524_288, (0x608F, 2): 1,
 }  # fmt: skip
 
 
@@ -257,6 +257,20 @@ def test_a_row_says_why_the_drive_did_not_take_its_value() -> None:
         "torque off · writing it: cannot be written (abort code 06010002)"
     )
     assert told[1:] == rows[1:]
+
+
+@pytest.mark.parametrize(
+    ("held", "verdict"),
+    [
+        (0x82, V.OK), (0x4000_0082, V.OK), (0x8000_0082, V.DIFFERS),
+        (0x83, V.DIFFERS), (0x2000_0082, V.DIFFERS), (0, V.DIFFERS),
+    ],
+)  # fmt: skip
+def test_a_drive_is_heard_by_its_own_emergency_identifier(held: int, verdict: check.ParameterVerdict) -> None:
+    """Node 2: 082h, which is valid and has 11 bits; bit 30 means nothing (CiA 301)."""
+    (emcy,) = (p for p in wanted_of(settings(), None) if p.obj == 0x1014)
+    row = check.compare(emcy, held)
+    assert (row.verdict, row.want) == (verdict, "82h")
 
 
 def test_what_scales_a_torque_or_a_speed_is_part_of_the_checksum() -> None:

@@ -21,6 +21,9 @@ CSV: Final = 9
 CSV_BIT: Final = 1 << (CSV - 1)
 SYNC_ID: Final = 0x80
 _MASK_ID: Final = 0x7FF
+_EMCY_ID: Final = 0x80
+# Bit 31: not valid, no EMCY is sent; bit 29: an identifier of 29 bits (CiA 301).
+_MASK_EMCY: Final = 0xA000_07FF
 
 
 class WantedParameter(NamedTuple):
@@ -59,6 +62,9 @@ def wanted_parameters(
         WantedParameter(0x1007, 0, 0, "commands count whenever they come after SYNC: 0 sets no window, us"),
         WantedParameter(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
         WantedParameter(0x60C2, 2, exponent, "the same, power of ten of a second"),
+        WantedParameter(
+            0x1014, 0, _EMCY_ID + s.node, "the drive is heard when it complains (EMCY)", mask=_MASK_EMCY
+        ),
         WantedParameter(0x1017, 0, round(s.heartbeat_s * 1e3), "the drive shows that it lives, ms"),
         WantedParameter(
             0x1016, 1, s.watched_heartbeat, "the drive watches the controller's heartbeat: node and ms"
@@ -276,4 +282,4 @@ def _shown(index: int, value: int) -> str:
     """Value as in a manual: identifiers and bit fields hexadecimal."""
     if index == 0x1016:
         return f"node {value >> 16 & 0x7F}, {value & 0xFFFF} ms"
-    return f"{value:X}h" if index in (0x1005, 0x6502, 0x60A9) else str(value)
+    return f"{value:X}h" if index in (0x1005, 0x1014, 0x6502, 0x60A9) else str(value)
