@@ -30,7 +30,7 @@ def run() -> None:
 
     def say_and_print(link: ServiceLink, kind: str, **values: Any) -> int:
         number = say(link, kind, **values)
-        if kind == "move":
+        if kind in ("move", "move_by"):
             sys.setprofile(None)
             inside = [Path(name).relative_to(ROOT) for name in entered if Path(name).is_relative_to(ROOT)]
             counted = [str(file) for file in inside if file.parts[0] in COUNTED]
