@@ -7,8 +7,15 @@ from typing import Any
 
 import pytest
 
-from gantryctl.engineering.drafting import choice
+from gantryctl.engineering.drafting import choice, open_items
 from gantryctl.engineering.drafting.draft import _accuracy
+from gantryctl.engineering.drafting.gains import DraftGains
+from gantryctl.engineering.drafting.gear_errors import graded_values
+from gantryctl.engineering.drafting.loops import following_error_deg
+from gantryctl.engineering.drafting.origin import Origin
+from gantryctl.engineering.drafting.plant import _encoder
+from gantryctl.engineering.drafting.sheets import _from
+from gantryctl.machine import Machine, default_machine
 
 
 def test_a_draft_dwells_for_twelve_swings_and_averages_the_last_four() -> None:
@@ -45,3 +52,60 @@ def test_of_motors_whose_loop_is_too_soft_the_smallest_is_drafted(
     sheet: Any = None
     made: Any = choice.draft_with(sheet, motors, "axis")
     assert made.power_kw == taken
+
+
+def test_the_middle_of_an_encoder_lies_at_the_middle_of_a_travel_that_is_not_centred() -> None:
+    """0 to 360 deg behind 1000: 500 turns to the middle, so that 2048 of 4096 lie there."""
+    basis: Any = SimpleNamespace(
+        ratio=1000.0,
+        motor=SimpleNamespace(encoder=SimpleNamespace(turns=4096)),
+        sheet=SimpleNamespace(
+            range=SimpleNamespace(kind="linear", pos_min_deg=0.0, pos_max_deg=360.0),
+            sheet=SimpleNamespace(name="a"),
+        ),
+    )
+    assert _encoder(basis)["encoder.mounting_turns"].value == 1548
+
+
+def test_a_pinion_is_a_grade_better_than_its_ring() -> None:
+    """Module 10 mm and 200 mm: F_p = (0.3 x 10 + 1.25 sqrt(200) + 7) x 2 for grade 7; half of 0.8 of it are 22.1 um."""
+    basis: Any = SimpleNamespace(
+        module_m=0.01,
+        sheet=SimpleNamespace(
+            teeth=SimpleNamespace(ring_radius_m=1.0),
+            gears=SimpleNamespace(ring_ratio=10.0),
+            sheet=SimpleNamespace(name="a"),
+        ),
+    )
+    assert graded_values(basis, 8.0)["plant.gear_error.pinion_1x_um"].value == 22.1
+
+
+def test_what_follows_of_an_answer_and_a_guess_is_a_guess() -> None:
+    answered: Any = SimpleNamespace(given=frozenset({"unbalance_nm", "wind_nm"}))
+    assert _from(answered, 1.0, "", "unbalance_nm", "wind_nm").origin is Origin.COMPUTED
+    assert _from(answered, 1.0, "", "unbalance_nm", "inertia_kg_m2").origin is Origin.GUESS
+
+
+@pytest.mark.parametrize(("move", "release"), [(10.0, 2.0), (2.0, 10.0)])
+def test_the_larger_jerk_makes_the_following_error(move: float, release: float) -> None:
+    """Js Tvi j / (Kpp Kvp) = 1.9 x 0.01 x 10 / 777 deg, of a move or of a key that is let go."""
+    basis: Any = SimpleNamespace(
+        jerk_deg_s3=move, release_jerk_deg_s3=release, reversal_torque_nm=0.0, ratio=1144.0,
+        train=SimpleNamespace(inertia_kg_m2=1.9),
+    )  # fmt: skip
+    assert following_error_deg(basis, DraftGains(77.7, 0.01, 10.0)) == pytest.approx(2.445e-4, rel=1e-3)
+
+
+def test_the_brake_that_a_reducer_bears_lies_on_the_line_through_two_brakes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """400 N m put 44 kN m on 35.2, half of it 24: 0.1 kN m for each, so 8.8 kN m less are 312 N m."""
+
+    def stopped(machine: Machine, *_: object) -> Any:
+        return SimpleNamespace(torque_reducer_nm=4000.0 + 100.0 * machine.plant.brake.torque_share * 400.0)
+
+    monkeypatch.setattr(open_items, "worst_stop", stopped)
+    found = open_items.brake_overload(default_machine())
+    assert found is not None
+    assert found.torque_nm == pytest.approx(44_000.0)
+    assert found.brake_within_nm == pytest.approx(312.0)
