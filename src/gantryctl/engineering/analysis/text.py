@@ -231,7 +231,7 @@ def _coarse(study: Study) -> str:
     counts, s = study.machine.encoder.counts_per_turn, study.settings
     step = _TWO_PI / counts / s.cycle_s * s.kvp_nm_s_per_rad
     return (
-        f'With feedback = "counts" one encoder step in a drive cycle is a torque step of {step:.0f} N m: '
+        f'With feedback = "counts" one encoder step in a drive cycle is a torque step of {step:.3g} N m: '
         "the linear figures hold only for movements of many steps."
     )
 

@@ -1,0 +1,79 @@
+"""What a trial of the tuning is made of, and what ends one, by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gantryctl.engineering.tuning import judge
+from gantryctl.engineering.tuning.bench import Bench, PositionStep, SpeedStep, TrialMove
+from gantryctl.engineering.tuning.gains import POOR, Gains, configured
+from gantryctl.engineering.tuning.procedure import Tuned, paper_procedure
+from gantryctl.machine import configs_folder, default_machine, load_machine
+from gantryctl.units import rad
+
+NOTHING = np.zeros(1)
+
+
+class Quiet(Bench):
+    """An axis that bears everything but an acceleration above 0.5 deg/s2, by its base."""
+
+    reducer_nm_per_deg_s2 = 0.0
+    limited_from_kvf = 2.0
+
+    def speed_step(self, gains: Gains) -> SpeedStep:
+        return SpeedStep(NOTHING, NOTHING, gains.kvp_nm_s_per_rad / 1e3 + 1e-3 / gains.tvi_s, False)
+
+    def position_step(self, gains: Gains) -> PositionStep:
+        return PositionStep(NOTHING, NOTHING, NOTHING, 0.0, gains.kpp_per_s / 100.0, False)
+
+    def move(self, gains: Gains, way_deg: float = 90.0) -> TrialMove:
+        acc, limited = gains.acc_deg_s2, gains.kvf >= self.limited_from_kvf
+        reducer = self.reducer_nm_per_deg_s2 * acc
+        return TrialMove(0.0, 0.0, 0.0, 0.0, 300.0 * acc, 0.0, 0.0, 1.0, reducer, 1.0, limited)
+
+
+def tuned(**of_bench: float) -> Tuned:
+    bench = Quiet(default_machine())
+    for name, value in of_bench.items():
+        object.__setattr__(bench, name, value)
+    return paper_procedure(bench, POOR)
+
+
+def test_an_acceleration_ends_where_the_reducer_has_its_rated_torque() -> None:
+    """17.6 kN m are rated, 35.2 momentary: 60 kN m for each deg/s2 end at 0.293 of them, the base at 0.5."""
+    found = tuned(reducer_nm_per_deg_s2=60e3)
+    assert 17.6 / 60.0 / 1.03 <= found.gains.acc_deg_s2 <= 17.6 / 60.0
+    last = next(trial for trial in reversed(found.log) if not trial.kept)
+    assert last.note.startswith("reducer 17.")
+
+
+def test_feed_forward_ends_before_the_torque_limit_acts() -> None:
+    """From 70 % on it acts: 60 % are left, though nothing overshoots."""
+    found = tuned(limited_from_kvf=0.7)
+    assert found.gains.kvf == 0.6
+    assert found.phase("Kvf")[-1].note == "the torque limit acted"
+
+
+def test_ramps_of_a_trial_keep_their_shape() -> None:
+    """A rotary table with 24 deg/s2 and 720 deg/s3: with 48 deg/s2 the ramp takes 33 ms as before, by 1440 deg/s3."""
+    machine = load_machine(configs_folder() / "rotary_table.toml")
+    limits = Bench(machine)._limits(replace(configured(machine), acc_deg_s2=48.0))
+    assert (limits.acc_rad_s2, limits.dec_rad_s2) == pytest.approx((rad(48.0), rad(48.0)))
+    assert limits.jerk_rad_s3 == pytest.approx(rad(1440.0))
+
+
+def test_the_plant_that_loses_most_damping_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three the second has a third of its damping left."""
+    cases = ("first", "second", "third")
+    left: Any = dict(zip(cases, (0.9, 0.33, 0.5), strict=True))
+    monkeypatch.setattr(judge, "robust_margins", lambda *_, **__: SimpleNamespace(cases=cases))
+    monkeypatch.setattr(judge, "damping_left", lambda case, _: left[case])
+    monkeypatch.setattr(judge, "bands_by_damping", lambda *_: {})
+    plants: Any = [None] * 3
+    found = judge.judge_gains(default_machine(), configured(default_machine()), plants)
+    assert (found.damping_left, found.left_on) == (0.33, "second")
