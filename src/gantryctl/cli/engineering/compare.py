@@ -256,17 +256,14 @@ def _on_bus(
     yes: bool,
     as_json: bool,
 ) -> int:
-    from gantryctl.engineering.accuracy.procedure.plan import chord_test
     from gantryctl.engineering.accuracy.report.data import verdict_data
-    from gantryctl.engineering.comparison.on_bus import bus_table, compare_on_bus
+    from gantryctl.engineering.comparison.on_bus import bus_table, compare_on_bus, moves_text
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.stops import check_quick_stop
 
     for machine in (paper, improved):
         check_quick_stop(machine)
-    ends = improved.axis.dial.span(*chord_test(improved).travel_deg)
-    moves = f"moves from {ends} deg and back for 10 minutes with each of the two machine files"
-    with asking(improved, moves, yes=yes) as agree:
+    with asking(improved, moves_text(improved), yes=yes) as agree:
         found = compare_on_bus(
             paper,
             improved,

@@ -116,9 +116,9 @@ def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet:
             )
         with metered(60.0 * experiment_of(machine).minutes, quiet=quiet) as meter:
             return record(SimulatedAxis(machine, watching[instrument], seed, advance=meter.advance))
-    low, high = reach_deg(machine)
+    way = machine.axis.dial.span(*reach_deg(machine))
     minutes, fastest = experiment_of(machine).minutes, machine.speed.setting_max_deg_s
-    moves = f"moves for {minutes:.0f} minutes between {low:g} and {high:g} deg, at up to {fastest:g} deg/s"
+    moves = f"moves for {minutes:.0f} minutes from {way} deg and back, at up to {fastest:g} deg/s"
     # It says in lines what it does: those are progress enough, and a log keeps them.
     with bus_experiment(
         machine,

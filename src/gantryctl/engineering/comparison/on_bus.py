@@ -8,12 +8,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gantryctl.engineering.accuracy.procedure.on_batch import run_time_s
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import statistics
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K, chord_uncertainty
 from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, ChordFigures, judge_chords
 from gantryctl.engineering.analysis.measured.on_engine import experiment
+from gantryctl.engineering.analysis.models.profiles import trapezoid_time_s
 from gantryctl.engineering.comparison.key_figures import LONG_DEG, SHORT_DEG
 from gantryctl.engineering.comparison.variants import check_same_plant
 from gantryctl.engineering.identification.on_engine import EngineAxis
@@ -76,6 +78,23 @@ class BusComparison(NamedTuple):
         """The second machine as the instrument saw it, beside the requirement."""
         name, figures = self.rows[-1]
         return judge_chords(figures.judged_by, self.required, of=name)
+
+
+def moves_text(machine: Machine) -> str:
+    """What `compare_on_bus` does with each machine file, for the person who lets it move."""
+    procedure = chord_test(machine, "A")
+    stretches = [fitted_stretch_deg(machine, *stretch) for stretch in (SHORT_DEG, LONG_DEG)]
+    low, high = (
+        found(each[end] for each in (procedure.travel_deg, *stretches)) for end, found in ((0, min), (1, max))
+    )
+    speed, acc = machine.speed.setting_max_deg_s, machine.virtual_axis.acc_deg_s2
+    # Each of them there and back.
+    ways_s = sum(2.0 * trapezoid_time_s(end - begin, speed, acc) for begin, end in stretches)
+    minutes = (run_time_s(machine, procedure) + ways_s) / 60.0
+    return (
+        f"moves from {machine.axis.dial.span(low, high)} deg and back for {minutes:.0f} minutes with each of the two "
+        "machine files"
+    )
 
 
 def compare_on_bus(

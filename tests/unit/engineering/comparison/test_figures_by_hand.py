@@ -141,3 +141,14 @@ def test_a_day_tells_of_the_last_one_of_its_chain_what_was_found() -> None:
     found = Day({"moment": 70}, {})
     use = stale_report._in_use([[Day({}, {}), found], [Day({}, {}), Day({}, {})]])
     assert (use.days, use.found) == (4, {"moment": (70,)})
+
+
+def test_a_person_is_told_all_of_the_way_that_a_comparison_on_a_bus_goes() -> None:
+    """Chords from -30 to 30 deg, then moves from -90 to 90. Of the paper 537 s of chords and 2 x 75.5 of moves."""
+    machine = default_machine()
+    assert on_bus.moves_text(machine).startswith("moves from -110 to 110 deg and back for 11 minutes")
+    near = with_values(
+        machine, {"accuracy.bases_deg": [10.0, -10.0], "accuracy.displacements_deg": [10.0, 20.0]}
+    )
+    assert chord_test(near, "A").travel_deg == (-30.0, 30.0)
+    assert on_bus.moves_text(near).startswith("moves from -90 to 90 deg and back")
