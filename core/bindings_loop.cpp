@@ -3,6 +3,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -80,6 +81,9 @@ LegRuns make_runs(const std::vector<Sim*>& sims, const std::vector<Law>& laws,
                   const std::vector<LegTuples>& legs, const std::vector<double>& zero_counts, int threads,
                   const std::vector<Compensation<double>*>& compensations) {
   const std::size_t plants = sims.size();
+  if (plants == 0) throw std::invalid_argument("no plant is given; a run needs at least one");
+  if (std::count(sims.begin(), sims.end(), nullptr) != 0)
+    throw std::invalid_argument("a plant of the list is None; give one for each run");
   if (laws.size() != 1 && laws.size() != plants)
     throw std::invalid_argument("one position law for all is needed, or one per plant");
   if (legs.size() != 1 && legs.size() != plants)

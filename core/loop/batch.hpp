@@ -278,8 +278,10 @@ class Batch {
     const CompensationState<T> before = compensation_.s;
     LogRow<T> row = follow(sim_, control_, point_);
     row.vel_ref_rad_s = select(follows_, row.vel_ref_rad_s, T(0.0));
+    row.acc_ref_rad_s2 = select(follows_, row.acc_ref_rad_s2, T(0.0));
     row.pos_ref_rad = select(follows_, row.pos_ref_rad, row.pos_load_rad);
     row.pos_err_rad = select(follows_, row.pos_err_rad, T(0.0));
+    row.vel_cmd_rad_s = select(follows_, row.vel_cmd_rad_s, T(0.0));
     row.torque_ff_nm = select(follows_, row.torque_ff_nm, T(0.0));
     CompensationState<T>& s = compensation_.s;
 #define X(name, meaning) s.name = select(follows_, s.name, before.name);
@@ -374,7 +376,7 @@ class Batch {
 
   static GANTRY_INLINE void largest(T& so_far, T x) {
     const T size = vabs(x);
-    so_far = select(so_far < size, size, so_far);
+    so_far = select(size <= so_far, so_far, size);  // what is no number is taken
   }
 
   // Lanes at the end of a leg put down its figures and go on: to the next leg, or with the next plant.

@@ -165,10 +165,11 @@ T limit_of_two(const DriveParams<T>& p, const T& limit) {
 }
 
 // Torque limit of a motor now; while more than the rated torque flows the account grows, below it shrinks. Of
-// two motors the account is that of the one with the larger share.
+// two motors the account is that of the one with the larger share, which is nothing while the drive is off.
 template <class T>
-GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
-  const T flows = drive.p.two_motors ? larger_share(drive.p, s.torque_set) : s.torque_set;
+GANTRY_INLINE T torque_limit(const Drive<T>& drive, MaskOf<T> off, DriveState<T>& s) {
+  const T flows =
+      drive.p.two_motors ? select(off, T(0.0), larger_share(drive.p, s.torque_set)) : s.torque_set;
   const T load = flows * drive.rated_inverse;
   s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget_s);
   return select(s.overload < drive.budget_s, drive.p.torque_max_nm, drive.torque_continuous_nm);
@@ -180,7 +181,7 @@ GANTRY_INLINE MotorTorques<T> drive_cycle(const Drive<T>& drive, const DriveComm
                                           DriveState<T>& s, T pos_motor, T vel_motor, MaskOf<T>& limited) {
   const DriveParams<T>& p = drive.p;
   const T vel = speed_feedback(drive, s, pos_motor, vel_motor);
-  const T limit = torque_limit(drive, s);
+  const T limit = torque_limit(drive, command.off, s);
   T ramp = clamp(command.vel_cmd_rad_s, -p.vel_max_rad_s, p.vel_max_rad_s);
   if (any(command.quick_stop)) {
     const T step = p.quick_dec_rad_s2 * p.cycle_s;

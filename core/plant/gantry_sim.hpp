@@ -92,6 +92,7 @@ class GantrySim {
     x = PlantState<T>();
     s = DriveState<T>();
     scans_done = T(0.0);
+    samples.clear();
     brake.closed = mask<T>(!servo_on);
     brake.countdown = T(0.0);
     encoder = EncoderFault<T>();

@@ -210,6 +210,32 @@ TEST(CompensatedLaw, follows_no_jerk_beyond_that_of_moves_and_learns_nothing_whi
   }
 }
 
+// An acceleration that grows by 2 rad/s^3 winds up by 2 mrad/s, by 10 rad/s^3 no faster than the 5 of moves:
+// then the load swings for a second, whatever a scan lasts.
+TEST(CompensatedLaw, takes_jerk_and_swing_by_the_time_and_not_by_scans) {
+  for (double period : {1e-3, 1e-2}) {
+    Params p;
+    p.windup = true;
+    p.period_s = period;
+    p.windup_per_acc_s2 = 1e-3;
+    p.pos_limit_rad = 1.0;
+    p.jerk_max_rad_s3 = 5.0;
+    p.observer_calm_s = 1.0;
+    const PositionLawParams<double> law{0.0, 1.0, 100.0, 1.0, 1e3};  // the speed is fed forward alone
+    State s;
+    const auto command = [&](double acc) {
+      return compensated_law(law, p, s, {0.0, 0.0, acc}, 0.0, 0.0, 0.0).law.vel_cmd_rad_s;
+    };
+    EXPECT_NEAR(command(0.0), 0.0, 1e-12);
+    EXPECT_NEAR(command(2.0 * period), 100.0 * 2e-3, 1e-9);
+    EXPECT_EQ(s.swings_s, 0.0);
+    EXPECT_NEAR(command(12.0 * period), 100.0 * 5e-3, 1e-9);
+    EXPECT_EQ(s.swings_s, 1.0);
+    EXPECT_NEAR(command(12.0 * period), 0.0, 1e-9);
+    EXPECT_NEAR(s.swings_s, 1.0 - period, 1e-12);
+  }
+}
+
 // 16 kN m at a quarter turn are 13.986 N m of the motor through 1144.
 TEST(TorqueFeedForward, carries_the_eccentric_moment_through_the_ratio) {
   Params p;

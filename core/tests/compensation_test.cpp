@@ -113,16 +113,19 @@ TEST(Maps, waves_that_pass_too_fast_are_left_alone) {
 }
 
 // A wave of 338 cycles at half a radian per cycle and second: passing twice as fast as fade_rad_s it counts a
-// seventeenth, 1 / (1 + 2^4), forwards and backwards.
+// seventeenth, 1 / (1 + 2^4), forwards and backwards, and so does its speed: 338 x 2 um/17 in a second.
 TEST(Maps, every_wave_in_use_counts_and_fades_alike_both_ways) {
   Params p;
-  p.fast[0] = {338.0, 0.0, 4e-6};
+  p.fast[0] = {338.0, 2e-6, 4e-6};
   p.fast[1] = {1144.0, 0.0, 1e-6};
   p.fast_used = 2;
   EXPECT_NEAR(gear_correction(p, 0.0, 0.0).pos, 5e-6, 1e-20);
   p.fast_used = 1;
   p.fade_rad_s = 169.0;
-  for (double vel : {1.0, -1.0}) EXPECT_NEAR(gear_correction(p, 0.0, vel).pos, 4e-6 / 17.0, 1e-20);
+  for (double vel : {1.0, -1.0}) {
+    EXPECT_NEAR(gear_correction(p, 0.0, vel).pos, 4e-6 / 17.0, 1e-20);
+    EXPECT_NEAR(gear_correction(p, 0.0, vel).vel, vel * 676e-6 / 17.0, 1e-18);
+  }
 }
 
 // 40 kN m of the 80 over which the flank changes: u = 1/2, u (3 - u^2)/2 = 0.6875 of half the backlash.

@@ -149,7 +149,7 @@ TEST(Drive, overload_account_fills_falls_and_has_an_end) {
     double limit = 0.0;
     for (int k = 0; k < 8000; ++k) {
       shaft.s.torque_set = torque;
-      limit = torque_limit(shaft.drive, shaft.s);
+      limit = torque_limit(shaft.drive, false, shaft.s);
     }
     return limit;
   };
@@ -160,7 +160,7 @@ TEST(Drive, overload_account_fills_falls_and_has_an_end) {
   for (int k = 0; k < 5; ++k) second(150.0);
   EXPECT_EQ(shaft.s.overload, 5.0);
   shaft.s.torque_set = 150.0;
-  EXPECT_EQ(torque_limit(shaft.drive, shaft.s), 100.0);
+  EXPECT_EQ(torque_limit(shaft.drive, false, shaft.s), 100.0);
   EXPECT_EQ(second(100.0 - 1e-9), 150.0);
   for (int k = 0; k < 6; ++k) second(0.0);
   EXPECT_EQ(shaft.s.overload, 0.0);
@@ -171,9 +171,9 @@ TEST(Drive, without_an_overload_gives_what_it_has) {
   DriveParams<double> p = simple();
   p.torque_max_nm = 80.0;
   Shaft shaft(p);
-  EXPECT_EQ(torque_limit(shaft.drive, shaft.s), 80.0);
+  EXPECT_EQ(torque_limit(shaft.drive, false, shaft.s), 80.0);
   shaft.s.overload = 1e3;
-  EXPECT_EQ(torque_limit(shaft.drive, shaft.s), 80.0);
+  EXPECT_EQ(torque_limit(shaft.drive, false, shaft.s), 80.0);
 }
 
 TEST(Drive, an_encoder_shows_where_the_shaft_was) {

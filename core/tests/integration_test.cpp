@@ -232,6 +232,20 @@ TEST(Integration, a_hysteresis_that_is_turned_over_within_a_cycle_stays_at_its_l
   }
 }
 
+// A load that has gone leaves more than the level of an empty gear behind: only a twist takes it off.
+TEST(Integration, a_hysteresis_beyond_its_level_stays_until_the_gear_moves) {
+  PlantParams<double> p = heavy();
+  p.hysteresis = true;
+  p.hysteresis_torque_nm = 4.0;
+  p.hysteresis_length_rad = 1e-5;
+  for (double side : {1.0, -1.0}) {
+    GantrySim<double> sim = at_rest(p, Scheme::kOneEvaluation);
+    sim.x.hysteresis = side * 5.0;
+    pass(sim, kCycle);
+    EXPECT_EQ(sim.x.hysteresis, side * 5.0);
+  }
+}
+
 // 400 N m of a slipping brake on 1.5 kg m2.
 TEST(Integration, a_slipping_brake_takes_its_torque_from_the_speed) {
   PlantParams<double> p = simple_plant();

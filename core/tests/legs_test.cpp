@@ -2,6 +2,7 @@
 // the bits that it has alone, scan after scan.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 
 #include "core/loop/threads.hpp"
@@ -12,8 +13,9 @@ namespace {
 
 constexpr double kAcc = 0.0069;
 
-// Columns that are logged, not in their order: speed report, torque, load, set-point, command of the law.
-const std::vector<int> kLogged = {18, 6, 7, 0, 5};
+// Columns that are logged, not in their order: speed report, torque, load, set-point, command of the law,
+// acceleration of the set-point.
+const std::vector<int> kLogged = {18, 6, 7, 0, 5, 2};
 
 // Plants as different as a population may be: in switches, scheme, delay, encoders, brakes and control.
 struct Population {
@@ -96,11 +98,12 @@ struct Population {
     p.map.used = 3;
     p.lost_motion.used = 2;
     p.lost_motion.sine[1] = p.lost_motion.cosine[1] = 1e-6;
-    p.scale.used = k > 5.0 ? 2 : 5;
+    const bool few = static_cast<int>(k) % 4 == 0;  // the last plant of a pack, and the second
+    p.scale.used = few ? 2 : 5;
     p.scale.sine[1] = 1e-6 * k;
-    p.scale.cosine[4] = k > 5.0 ? 0.0 : 1e-6;
-    p.fast_used = k > 5.0 ? 1 : 4;
-    if (k <= 5.0) p.fast[3] = {26.0, 1e-6, 3e-6};
+    p.scale.cosine[4] = few ? 0.0 : 1e-6;
+    p.fast_used = few ? 1 : 4;
+    if (!few) p.fast[3] = {26.0, 1e-6, 3e-6};
     p.inertia_load_kg_m2 = 2.18e6;
     p.windup_per_acc_s2 = 4e-3;
     p.friction_nm = 1e4;
@@ -188,7 +191,7 @@ struct Population {
           control.compensation != nullptr ? *control.compensation : Compensation<double>();
       LogRow<double> row = follow(sim, control, point);
       if (!follows) {
-        row.vel_ref_rad_s = row.pos_err_rad = row.torque_ff_nm = 0.0;
+        row.vel_ref_rad_s = row.acc_ref_rad_s2 = row.pos_err_rad = row.torque_ff_nm = row.vel_cmd_rad_s = 0.0;
         row.pos_ref_rad = row.pos_load_rad;
         if (control.compensation != nullptr) *control.compensation = before;
       }
@@ -308,6 +311,41 @@ TEST(Leg, follows_its_plan_from_the_start_with_the_brake_open) {
   EXPECT_TRUE(leg.added_rad_s.empty());
 }
 
+// Nobody follows a plan while the drive has a command of its own: there is no set-point but where the load
+// is.
+TEST(Leg, under_a_command_to_the_drive_asks_for_nothing) {
+  constexpr std::size_t kScans = 20;
+  const std::vector<int> columns = {0, 1, 2, 4, 5, 7, 17};
+  for (DriveMode mode : {DriveMode::kOff, DriveMode::kQuickStop}) {
+    GantrySim<double> sim = Population(1).sims[0];
+    std::vector<double> rows(kScans * columns.size());
+    const Leg leg{example::triangle(0.3, 0.1, kAcc), kScans, 1, mode, false};
+    LegResult<double> figures;
+    const Job job{&sim,     {example::law(), 0.0, nullptr, 3.0},
+                  &leg,     1,
+                  &figures, {rows.data(), kScans, columns.data(), columns.size()}};
+    run_jobs(kernels(), {job}, 1);
+    for (std::size_t k = 0; k < kScans; ++k) {
+      EXPECT_EQ(rows[k], rows[5 * kScans + k]);  // angle: that of the load
+      for (std::size_t c : {1, 2, 3, 4, 6}) EXPECT_EQ(rows[c * kScans + k], 0.0) << columns[c];
+    }
+    EXPECT_EQ(figures.max_pos_err_motor_rad, 0.0);
+  }
+}
+
+// A largest value that leaves out what is no number would tell that it has stood still.
+TEST(Leg, of_a_plant_without_numbers_has_no_figures) {
+  GantrySim<double> sim = Population(1).sims[0];
+  sim.x.vel_load = std::nan("");
+  const Leg leg{example::triangle(0.0, 0.1, kAcc), 30, 1};
+  LegResult<double> figures;
+  run_jobs(kernels(), {{&sim, {example::law()}, &leg, 1, &figures}}, 1);
+  EXPECT_TRUE(std::isnan(figures.max_travel_load_rad));
+  EXPECT_TRUE(std::isnan(figures.max_vel_err_load_rad_s));
+  EXPECT_TRUE(std::isnan(figures.max_torque_mesh_nm));
+  EXPECT_TRUE(std::isnan(figures.mean_pos_load_rad));
+}
+
 TEST(LogRow, shows_the_state_of_its_plant) {
   GantrySim<double> sim = example::sim();
   sim.x.pos_motor = 1.0;
@@ -336,6 +374,18 @@ TEST(LogRow, shows_the_state_of_its_plant) {
   EXPECT_EQ(row.counts, 0.0);
   sim.report.limited = false;
   EXPECT_EQ(state_row(sim).torque_limited, 0.0);
+}
+
+// 1144 N m of eccentric moment are 1 N m of the motor, and 3 N m are given beside it.
+TEST(LogRow, shows_a_torque_that_is_given_beside_the_compensation) {
+  const GantrySim<double> sim = example::sim();
+  Compensation<double> c;
+  c.p.torque_eccentric = true;
+  c.p.moment_sine_nm = example::kRatio;
+  c.p.torque_limit_nm = 20.0;
+  const Control<double> control{example::law(), 0.0, &c, 3.0};
+  EXPECT_EQ(follow(sim, control, {0.0, 0.0, 0.0}).torque_ff_nm, 3.0);  // it begins here
+  EXPECT_NEAR(follow(sim, control, {example::kQuarter, 0.0, 0.0}).torque_ff_nm, 4.0, 1e-12);
 }
 
 // The entry points for one plant, over the instruction sets.

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/lane/pack.hpp"
+
 namespace gantry {
 namespace {
 
@@ -31,6 +33,14 @@ TEST(LoadEncoder, noise_of_a_reading_is_the_same_on_every_machine) {
   LoadEncoderParams<double> p;
   p.noise_rad = 1e-6;
   EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.0, 1.0), 0.5 - 1e-6 * 74702.0 / 37837.0, 1e-15);
+  // Plants of a pack have read as often as they have, and each its own noise.
+  LoadEncoderParams<Pack<2>> both;
+  both.noise_rad = Pack<2>(1e-6);
+  Pack<2> number(1.0);
+  set_lane(number, 1, 1000.0);
+  const Pack<2> read = load_encoder_reading(both, Pack<2>(0.5), Pack<2>(0.0), number);
+  EXPECT_NEAR(lane(read, 0), 0.5 - 1e-6 * 74702.0 / 37837.0, 1e-15);
+  EXPECT_NEAR(lane(read, 1), 0.5 + 1e-6 * 56558.0 / 37837.0, 1e-15);
   p.noise_rad = 0.0;
   p.step_rad = 1e-6;
   EXPECT_NEAR(load_encoder_reading(p, 0.50000042, 0.0, 1.0), 0.5, 1e-12);

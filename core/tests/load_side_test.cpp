@@ -82,12 +82,16 @@ TEST(CompensatedLaw, takes_the_errors_of_the_scale_off_the_reading) {
   Params p;
   p.load_encoder = p.scale_map = true;
   p.scale.mean = 4e-6;
+  p.latency_s = 1e-3;
   const PositionLawParams<double> law = example::law();
-  State s;
-  const double counts = 0.3 * law.ratio / law.rad_per_count;
-  const auto out = compensated_law(law, p, s, {0.3, 0.0, 0.0}, counts, 0.300004, 0.0);
-  EXPECT_NEAR(s.ring_last_rad, 0.3, 1e-12);
-  EXPECT_NEAR(out.disagreement_rad, 0.0, 1e-9);
+  for (double vel : {0.0, 0.1, -0.1}) {
+    State s;
+    const double shown = 0.3 - 1e-3 * vel;  // by both encoders, a millisecond ago
+    const double counts = shown * law.ratio / law.rad_per_count;
+    const auto out = compensated_law(law, p, s, {0.3, vel, 0.0}, counts, shown + 4e-6, 0.0);
+    EXPECT_NEAR(s.ring_last_rad, 0.3, 1e-12);
+    EXPECT_NEAR(out.disagreement_rad, 0.0, 1e-9);
+  }
 }
 
 // 2e-5 rad of swing in a scan are allowed; backwards at 0.05 rad/s 1e-5 beside the set-point are no step.

@@ -179,6 +179,12 @@ TEST(MomentObserver, adds_what_is_left_of_the_torque_to_its_sums) {
     observe_moment(p, 10.0, {side * quarter, 0.0, 0.0}, side * 142.0, s);
     EXPECT_NEAR(s.info_sine, 6.0, 1e-12);
     EXPECT_NEAR(s.seen_friction, 204.0, 1e-9);
+    // 200 N m more are in use: 1300 N m are transmitted, of which 130 rub; 80 of the 1420 N m are left over.
+    State heavier;
+    heavier.direction = side;
+    heavier.moment_sine_nm = 200.0;
+    observe_moment(p, 10.0, {side * quarter, side * 0.2, side * 0.5}, side * 142.0, heavier);
+    EXPECT_NEAR(heavier.seen_friction, 2.0 * 80.0, 1e-9);
     // With 500 N m of the cosine at an eighth of a turn: 1060.66 N m of moment, 100 of acceleration, 60 of
     // speed, 50 + 116.07 of friction. 140 N m of the motor are 1400: 13.274 are left over.
     Params both = p;

@@ -43,6 +43,7 @@ TEST(Standstill, begins_anew) {
   sim.brake.countdown = 5.0;
   sim.scans_done = 7.0;
   sim.set_encoder_gain(0.0);
+  sim.count_offset = 9.0;
   sim.x.roller_z = sim.s.vel_filtered = sim.s.overload = sim.report.vel = 1.0;
   sim.static_start(kQuarter, false);
   EXPECT_EQ(sim.x.roller_z, 0.0);
@@ -54,6 +55,7 @@ TEST(Standstill, begins_anew) {
   EXPECT_FALSE(sim.encoder.spoilt);
   EXPECT_EQ(sim.encoder.pos_start, 0.0);
   EXPECT_EQ(sim.encoder.seen_start, 0.0);
+  EXPECT_EQ(sim.count_offset, 9.0);  // the encoder stays where it is mounted
 }
 
 TEST(Standstill, nothing_has_happened_before_it) {
@@ -285,6 +287,7 @@ TEST(Simulator, shows_the_shaft_as_its_encoder_does) {
   sim.x.vel_motor = 2.0;
   const DriveCommand<double> off{DriveMode::kOff, 0.0, 0.0};
   sim.scan(off, true);
+  EXPECT_NEAR(sim.vel_report(), -0.25, 1e-12);  // of the scan: 7 cycles of 0.25 mrad, 2 mrad behind the shaft
   sim.scan(off, true);
   EXPECT_NEAR(sim.vel_report(), 2.0, 1e-12);
   EXPECT_NEAR(sim.counts(1e-3), 2.0, 1e-9);
@@ -318,6 +321,8 @@ TEST(Simulator, takes_samples_between_its_scans) {
   sim.sample_every = 1;
   sim.scan({DriveMode::kOff, 0.0, 0.0}, false);
   EXPECT_EQ(sim.samples.size(), 8u);
+  sim.static_start(0.2, true);
+  EXPECT_TRUE(sim.samples.empty());  // there is no last scan
 }
 
 }  // namespace

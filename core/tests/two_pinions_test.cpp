@@ -82,6 +82,19 @@ TEST(TwoMotors, are_limited_by_the_account_of_the_one_that_has_more) {
   }
 }
 
+// The preload of half the rated torque flows while the loop is closed and asks for nothing: of the account of
+// 5 s a second of it takes 1 - 0.5^2; switched off, the whole second. 8000 cycles round by 1e-12.
+TEST(TwoMotors, without_power_cool_down_by_all_of_the_time) {
+  for (const auto& [mode, left_s] : {std::pair{DriveMode::kSpeed, 4.25}, {DriveMode::kOff, 4.0}}) {
+    const Drive<double> drive(loop_of_two(-50.0));
+    DriveState<double> s;
+    s.overload = drive.budget_s;
+    bool limited = false;
+    for (int k = 0; k < 8000; ++k) drive_cycle(drive, {mode, 0.0, 0.0}, s, 0.0, 0.0, limited);
+    EXPECT_NEAR(s.overload, left_s, 1e-9);
+  }
+}
+
 // Smooth enough for balances by hand: no gear error, no friction, no base, one slope of 5.12e8 N m/rad.
 PlantParams<double> smooth(bool two) {
   PlantParams<double> p = example::plant();
@@ -161,8 +174,11 @@ TEST(TwoPinions, at_one_place_and_without_preload_are_one_of_twice_the_size) {
 // so the second carries on its other flank and no gap is open.
 TEST(TwoPinions, stand_in_balance_with_preload) {
   const double load = 15990.3;
-  for (const double preload : {0.0, 20.0, 3.0}) {
-    Sim sim = example::sim(smooth(true), servo(preload));
+  for (const auto& [preload, scheme] : {std::pair{0.0, Scheme::kOneEvaluation},
+                                        {20.0, Scheme::kOneEvaluation},
+                                        {3.0, Scheme::kOneEvaluation},
+                                        {20.0, Scheme::kRungeKutta4}}) {
+    Sim sim = example::sim(smooth(true), servo(preload), scheme);
     sim.static_start(1.5707963267948966, true);
     const PlantState<double> start = sim.x;
     EXPECT_NEAR(sim.x.torque_motor, 0.5 * load / 1144.0 + preload, 1e-9);
@@ -175,6 +191,7 @@ TEST(TwoPinions, stand_in_balance_with_preload) {
     run(sim, 0.0, 500);
     EXPECT_NEAR(sim.x.pos_load, start.pos_load, 1e-9);
     EXPECT_NEAR(sim.x.pos_motor_2, start.pos_motor_2, 1e-6);
+    EXPECT_NEAR(sim.x.torque_motor_2, start.torque_motor_2, 1e-3);
   }
 }
 

@@ -148,7 +148,8 @@ class _Worker:
                 self._tell(results, change, Fate.STALE, "", 0, begun)
                 continue
             number = self._core.numbers[change.name]
-            first = [each for key in (change.function, change.file) for each in self._killers.get(key, [])]
+            killers = [each for key in (change.function, change.file) for each in self._killers.get(key, [])]
+            first = [*change.tests, *killers]
             fate, by = self._by_own(number, budget_s, first)
             if fate in FOUND or not self._in_python(change, budget_s):
                 self._tell(results, change, fate, by, self._own_tests(number), begun)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gantryctl import _core
-from gantryctl.engineering.batch import ClosedLoop, Leg, run_legs
+from gantryctl.engineering.batch import ClosedLoop, Leg, log_legs, run_legs
 from gantryctl.engineering.batch.loop import scans
 from gantryctl.machine import default_machine
 from gantryctl.motion import SetPoint, hold, plan_move
@@ -92,6 +92,17 @@ def test_many_plants_have_one_figure_each_whatever_the_threads() -> None:
     two = run_legs([standing() for _ in range(3)], legs, threads=2)[0]
     assert one.mean_pos_load_rad.shape == (3,)
     assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
+
+
+def test_a_run_of_no_plant_is_refused() -> None:
+    """The compiled functions looked at the legs of the first plant: the interpreter ended."""
+    with pytest.raises(ValueError, match="no plant is given"):
+        run_legs([], [Leg(hold(0.0), 0.1)])
+    with pytest.raises(ValueError, match="no plant is given"):
+        log_legs([], [Leg(hold(0.0), 0.1)], ["pos_load_rad"])
+    law, leg = position_law(MACHINE), (hold(0.0), 1, 1, 1, True, 0, [])
+    with pytest.raises(ValueError, match="a plant of the list is None"):
+        _core.run_legs([None], [law], [[leg]], [0.0])  # type: ignore[list-item]
 
 
 @pytest.mark.parametrize(
