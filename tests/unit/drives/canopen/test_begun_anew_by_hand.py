@@ -20,10 +20,12 @@ from gantryctl.drives.canopen.setup import parameter_check as check
 from gantryctl.drives.canopen.setup.opening import wanted_of
 from gantryctl.drives.canopen.setup.parameter_watch import ROUND_S, ParameterWatch
 from gantryctl.drives.profiles import load_profile
-from gantryctl.image import DriveRequest
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveRequest, LinkFlag
 from unit.drives.canopen.canopen_bench import Bench
 from unit.drives.canopen.test_nodes_by_hand import CONTACTS, RING, neighbours, of_cia_401
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
+from unit.drives.canopen.test_scan_by_hand import sent_from_now
 from unit.drives.canopen.test_set_up_by_hand import NOTHING, Dictionary, settings
 from unit.drives.canopen.wire import Asked, Wire, remote_node
 
@@ -65,6 +67,43 @@ def test_a_copy_of_the_process_begins_without_what_was_sent_before() -> None:
     bus.given = [message(0x080)]
     assert link.receive(0.0) == Frame(0x080, b"")
     link.close()
+
+
+def test_frames_that_never_come_back_are_not_kept_for_ever() -> None:
+    """An interface that gives no frame back after all: 256 of them at the most are waited for."""
+    link = BusLink(Scripted(), echoes=True)
+    for number in range(1000):
+        link.send(0x202, number.to_bytes(2, "little"))
+    assert link._echoes is not None
+    assert 0 < len(link._echoes) <= 257
+    link.close()
+
+
+def test_a_drive_that_cannot_be_set_up_leaves_the_bus_to_others() -> None:
+    """Its node does not answer: nobody else could open the interface, or the drive, until the process ends."""
+    bench = Bench()
+    told: list[str] = []
+    bench.link._when_closed = lambda: told.append("closed")
+    bench.link.send = lambda can_id, data: True  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match="does not answer"):
+        bench.drive.open()
+    assert told == ["closed"]
+
+
+def test_behind_a_new_set_up_no_heartbeat_is_sent_before_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the first one on the drive watches the controller; people may think before they go on."""
+    bench = Bench().open()
+    bench.run(0.1, DISABLE)
+    bench.drive._flags |= LinkFlag.OTHER_MASTER
+    # The next one is due.
+    bench.drive._heartbeat_due = 0
+    sent = sent_from_now(bench, monkeypatch, 0x77F)
+    bench.drive.set_up_again()
+    assert sent == []
+    # One every 50 ms.
+    bench.run(0.06, DISABLE)
+    assert sent in (["05"], ["05"] * 2)
+    bench.drive.close()
 
 
 def test_a_link_is_closed_once() -> None:

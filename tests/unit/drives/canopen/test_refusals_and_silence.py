@@ -295,6 +295,21 @@ def test_a_bus_is_opened_with_what_is_asked_for(
     assert asked == [{"interface": interface, "ignore_config": True, **options}]
 
 
+@pytest.mark.parametrize(
+    ("channel", "place"), [(None, "(slcan)"), ("/dev/ttyX", "(slcan, channel /dev/ttyX)")]
+)
+def test_a_bus_that_cannot_be_opened_is_told_by_its_place(
+    monkeypatch: pytest.MonkeyPatch, channel: str | None, place: str
+) -> None:
+    def broken(**given: object) -> None:
+        raise OSError("no such device")
+
+    monkeypatch.setattr(bus_link.can, "Bus", broken)
+    with pytest.raises(DeviceError) as refused:
+        open_bus("slcan", channel)
+    assert str(refused.value) == f"the CAN interface cannot be opened {place}: no such device"
+
+
 class Scripted(can.BusABC):
     """Gives what it is told to give."""
 
