@@ -341,6 +341,7 @@ class Commissioning:
             result = StepResult(
                 step.key, Outcome.FAILED, str(stopped), to_do="find the cause, then go on with this step"
             )
+        result = self._of_this_drive(result)
         if result.outcome is Outcome.FAILED:
             # What was proven before is not so any more: the machine waits until the step has passed again.
             record_path(self.store.directory, self.machine).unlink(missing_ok=True)
@@ -356,6 +357,19 @@ class Commissioning:
         self.progress = replace(self.progress, results={**self.progress.results, step.key: result})
         store_progress(self._path, self.progress)
         return result
+
+    def _of_this_drive(self, result: StepResult) -> StepResult:
+        """The result of a step; a failure where its set-up has found another drive than this commissioning is of."""
+        facts = load_facts(facts_path(self.store.directory, self.machine))
+        mine = self.progress.drive, self.progress.software
+        if facts is None or not mine[0] or (facts.key, facts.software) == mine:
+            return result
+        proof = (
+            f"the drive is now {facts.key}, software {facts.software or '?'}; what was shown before is of "
+            f"{mine[0]}, software {mine[1] or '?'}"
+        )
+        to_do = "begin the commissioning anew: it starts from the first step with another drive"
+        return StepResult(result.key, Outcome.FAILED, proof, to_do=to_do)
 
     @property
     def ledger(self) -> tuple[LedgerRow, ...]:

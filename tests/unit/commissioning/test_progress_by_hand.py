@@ -16,12 +16,14 @@ from gantryctl.commissioning.results import Figure, Progress, load_progress
 from gantryctl.commissioning.run import Reach, Step, complete, steps_for, void_control_proofs
 from gantryctl.commissioning.watch import Halt, StepStopped
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
+from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.engineering.report.pictures import Picture
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Stop
 from gantryctl.operation.ledger import Standing
+from gantryctl.operation.ledger.kept_facts import facts_path, store_facts
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM
 from gantryctl.operation.proofs import load_record, record_path
 from gantryctl.operation.state import operator_name
@@ -144,6 +146,24 @@ def test_proofs_are_of_one_drive_with_one_software_and_its_nodes(
     monkeypatch.setattr(commissioning_run, "ledger_reasons", lambda machine, rows: reasons)
     with pytest.raises(CommandRefused, match="lacks everything"):
         work.start(again=False)
+
+
+@pytest.mark.parametrize(("serial", "software", "outcome"), [(7, "1.0", P), (8, "1.0", F), (7, "1.1", F)])
+def test_a_drive_that_is_exchanged_between_two_steps_passes_none(
+    made: Callable[..., Commissioning], serial: int, software: str, outcome: Outcome
+) -> None:
+    """Or gets another firmware, while the commissioning waits: its record would name the one before."""
+    work = made()
+    work.progress = replace(work.progress, drive="00000001-00000002-7", software="1.0")
+
+    def run(c: Any) -> StepResult:
+        store_facts(facts_path(c.store.directory, c.machine), DriveFacts(1, 2, 3, serial, software, {}))
+        return StepResult("a", P, "")
+
+    found = work.do(replace(A, run=run))
+    assert found is not None
+    assert (found.outcome, work.progress.results["a"].outcome) == (outcome, outcome)
+    assert outcome is P or f"the drive is now 00000001-00000002-{serial}, software {software};" in found.proof
 
 
 @pytest.mark.parametrize("again", [True, False])
