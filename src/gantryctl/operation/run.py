@@ -308,7 +308,7 @@ class AxisRun:
         Raises:
             AlarmStop: an alarm has stopped it, or somebody asked it to stop.
         """
-        self._scans.until(lambda: self.axis.alarms.first_out is not None, seconds)
+        self._scans.until(lambda: self.axis.alarms.first_out is not None or self.stop is not Stop.NO, seconds)
         self._raise_alarm()
         if self.stop is not Stop.NO:
             self._scans.until(lambda: self.axis.at_rest, REST_S)

@@ -372,6 +372,25 @@ def test_an_experiment_that_is_stopped_at_speed_ends_at_rest() -> None:
     run.close("stopped")
 
 
+def test_an_experiment_that_is_stopped_does_not_last_its_time() -> None:
+    """A minute of excitation would go on at a standing axis. From 6 deg/s the ramp of Stop takes 3.2 s."""
+    begun_s = 0.0
+
+    def asks(snapshot: Snapshot) -> None:
+        if begun_s and snapshot.time_s >= begun_s + 5.0:
+            run.stop = Stop.RAMP
+
+    run = AxisRun(IDEAL, observer=asks)
+    run.power_up()
+    run.begin_move(100.0, 6.0)
+    begun_s = run.engine.time_s
+    with pytest.raises(AlarmStop, match="stopped by the operator"):
+        run.follow(60.0)
+    assert run.axis.virtual.at_rest
+    assert 5.0 < run.engine.time_s - begun_s < 9.0
+    run.close("stopped")
+
+
 def test_ways_and_angles_of_an_axis_without_ends_follow_each_other() -> None:
     run = AxisRun(modulo_machine({"drive.kind": "ideal", "control.scan_period_ms": 10.0}))
     with pytest.raises(CommandRefused):

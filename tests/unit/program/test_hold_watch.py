@@ -1,6 +1,7 @@
 """HOLD: when torque is given back, and a load that moves under it, both ways, at each scan period; by hand."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -110,6 +111,15 @@ def test_a_load_is_caught_from_the_moment_on_at_which_the_drive_has_torque():
 def test_a_load_that_has_moved_in_hold_is_told(moved_deg, codes):
     parts = Parts()
     held(parts).scan(rad(moved_deg))
+    assert parts.codes == codes
+
+
+@pytest.mark.parametrize(("moved_deg", "codes"), [(0.19, []), (1.41, []), (1.42, ["BRK-13"])])
+def test_a_slip_that_a_rotary_table_is_told_of_is_no_load_that_nothing_holds(moved_deg, codes):
+    """Its slip is told beyond 0.1885 deg, and torque takes the load only then: 7.5 times that, as on the gantry."""
+    parts = Parts()
+    table = replace(parts.settings, power=replace(parts.settings.power, sag_max_rad=rad(0.1885)))
+    HoldWatch(table, parts.feedback, parts.alarms).tell_if_moved(rad(moved_deg))
     assert parts.codes == codes
 
 

@@ -12,8 +12,10 @@ from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
 
 # A sound drive without a brake catches 50 kN m at 0.13 to 0.21 deg/s and stops it within 0.3 s; a brake that
-# slips at rest moves the load by 0.15 deg at most until then.
+# slips at rest moves the load by 0.15 deg at most until then, where a slip of 0.02 deg is told. A rotary table tells
+# one of 0.19 deg.
 _MOVED_RAD: Final = rad(0.15)
+_MOVED_PER_SAG: Final = 7.5
 _SPEED_RAD_S: Final = rad(0.1)
 _CATCH_S: Final = 0.300
 # A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
@@ -34,16 +36,19 @@ class HoldWatch:
     """Raise BRK-13 for a load that moves in HOLD, and take the torque off where it drives the load.
 
     Args:
-        settings: scan period, torque of the brake test.
+        settings: scan period, torque of the brake test, permitted sag.
         feedback: state, speed and torque of the drive.
         alarms: where the alarm is raised.
     """
 
-    __slots__ = ("_alarms", "_driven", "_feedback", "_held", "_period_s", "_speed_before", "_test_torque_nm")
+    __slots__ = (
+        "_alarms", "_driven", "_feedback", "_held", "_moved_max_rad", "_period_s", "_speed_before", "_test_torque_nm",
+    )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
         self._feedback, self._alarms = feedback, alarms
         self._period_s, self._test_torque_nm = settings.period_s, settings.power.test_torque_nm
+        self._moved_max_rad = max(_MOVED_RAD, _MOVED_PER_SAG * settings.power.sag_max_rad)
         self.begin()
 
     def begin(self) -> None:
@@ -89,7 +94,7 @@ class HoldWatch:
 
     def tell_if_moved(self, moved_rad: float) -> None:
         """Raise BRK-13 where the load has moved further than a brake that slips at rest moves it."""
-        if not moved_rad <= _MOVED_RAD:
+        if not moved_rad <= self._moved_max_rad:
             self._tell(moved_rad)
 
     def _watch_drive(self, moved_rad: float) -> None:
