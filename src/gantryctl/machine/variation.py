@@ -70,7 +70,7 @@ class Variation:
                 # An element of an array stands behind its key.
                 key = error.errors(include_url=False, include_input=False)[0]["loc"][0]
                 return RefusedValue("", f"{table}.{key}")
-        varied = _replaced(self.machine, "", made).calibrated(self.machine.calibration)
+        varied: Machine = _replaced(self.machine, "", made)
         broken = violations(varied, RULES)
         return RefusedValue(broken[0][0].name, broken[0][0].paths[0]) if broken else varied
 
