@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gantryctl.machine import default_machine, identity_hash, with_values
+from gantryctl.machine import default_machine, field_specs, identity_hash, with_values
 from gantryctl.machine.derived import derived
+from gantryctl.machine.problems import _unit_hint
 from gantryctl.machine.requirement import DEFAULT_SOURCE, required_angle, required_stopping_angle
 from gantryctl.machine.tables.required import RequiredTable
 from gantryctl.machine.variation import Variation
@@ -58,3 +59,14 @@ def test_a_calibration_without_a_number_for_the_gap_holds_all_of_its_lost_motion
         update={"identified": known.identified.model_copy(update={"backlash_rad": None}), "maps": maps}
     )
     assert old.backlash_held_rad == pytest.approx(4e-6)
+
+
+def test_a_value_at_the_motor_is_known_by_both_ratios_of_the_file() -> None:
+    """6 deg/s behind 20 x 5 are 600 at the motor."""
+    spec = field_specs()["speed.setting_max_deg_s"]
+    ratios = {"axis": {"reducer_ratio": 20.0, "ring_ratio": 5.0}}
+    assert spec.usual == 6.0
+    assert _unit_hint(spec, 600.0, ratios).endswith(
+        "100 x the usual 6: a value at the motor where one at the load belongs?"
+    )
+    assert _unit_hint(spec, 120.0, ratios) == ""

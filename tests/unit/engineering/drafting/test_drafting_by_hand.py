@@ -12,9 +12,10 @@ from gantryctl.engineering.drafting.draft import _accuracy
 from gantryctl.engineering.drafting.gains import DraftGains
 from gantryctl.engineering.drafting.gear_errors import graded_values
 from gantryctl.engineering.drafting.loops import following_error_deg
-from gantryctl.engineering.drafting.origin import Origin
+from gantryctl.engineering.drafting.origin import Drafted, Origin
 from gantryctl.engineering.drafting.plant import _encoder
-from gantryctl.engineering.drafting.sheets import _from
+from gantryctl.engineering.drafting.sheets import Answered, _from, sheet_values
+from gantryctl.engineering.drafting.templates import load_template
 from gantryctl.machine import Machine, default_machine
 
 
@@ -109,3 +110,11 @@ def test_the_brake_that_a_reducer_bears_lies_on_the_line_through_two_brakes(
     assert found is not None
     assert found.torque_nm == pytest.approx(44_000.0)
     assert found.brake_within_nm == pytest.approx(312.0)
+
+
+def test_an_answer_is_no_guess_and_what_nobody_answered_is_one() -> None:
+    answered = Answered.of(load_template("gantry"), {"first_mode_hz": 2.5})
+    values = sheet_values(answered, "axis")
+    assert values["structure.first_mode_hz"] == Drafted(2.5, Origin.SHEET, "answered")
+    assert values["load.inertia_kg_m2"].origin is Origin.GUESS
+    assert "structure.first_mode_hz" not in values["sheet.guesses"].value
