@@ -13,7 +13,7 @@ import pytest
 from gantryctl.cli.axis import service_state
 from gantryctl.cli.axis.service_axis import SHOWN_FRAMES, ServiceAxis
 from gantryctl.machine import default_machine
-from gantryctl.runtime import AlarmEntry
+from gantryctl.runtime import AlarmEntry, Retained
 from support.command_line import refused
 
 
@@ -91,6 +91,26 @@ def test_alarms_of_before_the_start_follow_newest_first(monkeypatch: pytest.Monk
     assert [alarm.text for alarm in found] == ["the newest", "number 2", "number 1", "number 0"]
     assert found[0].pos_act_rad == pytest.approx(1.5707963)
     assert holds == ["CTL-03"]
+
+
+@pytest.mark.parametrize(("holds", "told"), [([], "INT-06"), (["CTL-03"], "CTL-03")])
+def test_the_stop_that_is_told_is_the_one_that_holds_or_the_last_one(
+    monkeypatch: pytest.MonkeyPatch, holds: list[str], told: str
+) -> None:
+    machine = default_machine()
+    alarms = [{"code": code, "first_out": True, "text": code} for code in holds]
+    link = Link(lambda _: False)
+    link.tags = {
+        "machine": "one", "axis_state": "error_stop", "pos_act_deg": 1.0, "position_valid": True, "alarms": alarms,
+        "quick_dec_deg_s2": 5.4, "brake_test_available": False, "brake_test_blocked": "no contact", "config_hash": "",
+    }  # fmt: skip
+    kept = Retained("one", "", error_stop="INT-06")
+    monkeypatch.setattr(service_state, "ServiceLink", lambda _: link)
+    monkeypatch.setattr(service_state, "RetainedMemory", lambda _: SimpleNamespace(load=lambda: kept))
+    monkeypatch.setattr(service_state, "ledger_shown", lambda *_: ())
+    found, _ = service_state.service_status(machine)
+    assert (found.error_stop, found.condition) == (told, "in service, error stop")
+    assert found.brake_test == "not testable here: no contact"
 
 
 def test_events_are_those_on_the_disk() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.cli.axis import move
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.brake_policy import TIME_FORMAT, after_test, brake_due
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
@@ -118,3 +119,14 @@ def test_an_aborted_test_changes_neither_verdict_nor_date() -> None:
     assert (after.brake_failed, after.brake_tested_at) == ("slipped", record.brake_tested_at)
     assert after.brake_test_text == "stopped"
     assert after_test(after, passed, 7, NOW).brake_failed == ""
+
+
+def test_a_report_that_cannot_be_written_is_told_before_torque_is_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def torque(*_: object) -> None:
+        raise AssertionError("torque was given")
+
+    monkeypatch.setattr(move, "guarded", torque)
+    (tmp_path / "report").touch()
+    assert "report" in refused("brake-test", "--fresh", "--out", tmp_path / "report")

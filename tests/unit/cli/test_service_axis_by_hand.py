@@ -206,6 +206,33 @@ def test_a_brake_test_has_a_result_once_this_command_has_made_one(monkeypatch: p
     assert link.asked == ["take", "arm", "brake_test"]
 
 
+def test_a_brake_test_that_was_refused_has_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of an earlier one is in the tags."""
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    ask = link.ask
+
+    def refuse(kind: str, **values: Any) -> dict[str, Any]:
+        if kind == "brake_test":
+            raise CommandRefused("SEC-10 · arm it first")
+        return ask(kind, **values)
+
+    monkeypatch.setattr(link, "ask", refuse)
+    with pytest.raises(CommandRefused, match="SEC-10"):
+        axis.test_brake()
+    assert axis.brake_test_report().outcome is BrakeTestOutcome.NONE
+
+
+def test_no_power_comes_for_a_jog_that_cannot_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(power=False, power_phase="off")
+    link.does["power"] = {"power": True, "power_phase": "on"}
+    with pytest.raises(CommandRefused, match="speed"):
+        axis_of(link, monkeypatch).jog(True, 60.0, 1.0)
+    with pytest.raises(CommandRefused, match="180"):
+        axis_of(Link(power=False, pos_act_deg=180.0), monkeypatch).jog(True, 1.0, 1.0)
+    assert link.asked == ["take"]
+
+
 def test_a_lock_that_nobody_has_looked_at_is_not_reset(monkeypatch: pytest.MonkeyPatch) -> None:
     link = Link()
     axis = axis_of(link, monkeypatch)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from gantryctl.cli.axis import attach
+from gantryctl.cli.options import ATTACHED
 from gantryctl.cli.service import user
-from gantryctl.machine import default_machine
+from gantryctl.machine import default_machine, short_hash
+from gantryctl.service.clients import link
 from gantryctl.service.recorder.journal import reading
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.writer import Journal
@@ -236,3 +240,38 @@ def test_each_change_of_the_users_waits_for_the_journals(
     typing(monkeypatch, PASSWORD + "\n")
     done("user", *change)
     assert did == ["changed", "waited"]
+
+
+def test_a_user_that_could_not_be_made_is_not_told_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    typing(monkeypatch, "short\n")
+    assert cli("user", "add", "anna", "--role", "viewer").out == ""
+
+
+def test_commands_go_to_a_service_of_their_own_configuration_only(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was refused is not attached, and who is not attached may be detached."""
+    machine = default_machine()
+    (root / machine.name).mkdir()
+    running = {"config_hash": "0123"}
+    monkeypatch.setattr(attach, "ServiceLink", lambda _: nullcontext(SimpleNamespace(tags=running)))
+    assert "the service runs configuration 0123" in refused("attach")
+    assert not (root / machine.name / ATTACHED).exists()
+    running["config_hash"] = short_hash(machine)
+    done("attach")
+    assert (root / machine.name / ATTACHED).exists()
+    for _ in range(2):
+        done("detach")
+    assert not (root / machine.name / ATTACHED).exists()
+
+
+def test_over_ssh_nobody_asks_for_a_link_to_the_console(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The newest link counts: that of the person at the screen would be void."""
+    asked: list[Path] = []
+    monkeypatch.setattr(link, "console_link", lambda directory: asked.append(directory) or "")
+    monkeypatch.setenv("SSH_CONNECTION", "192.0.2.7 1 192.0.2.1 22")
+    assert "came over ssh" in refused("console")
+    assert not asked
+    monkeypatch.delenv("SSH_CONNECTION")
+    assert "without a page" in cli("console").err
+    assert len(asked) == 1

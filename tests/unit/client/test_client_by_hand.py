@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -16,6 +17,8 @@ from gantryctl.client import Axis, MotionStopped, Refused, Service
 from gantryctl.client import axis as client_axis
 from gantryctl.client import service as client_service
 from gantryctl.client.connection import Reply
+from gantryctl.client.service import Recording
+from gantryctl.client.wires import WebSocketWire, refusal_of
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
 from unit.client.played_service import PATIENCE_S, FakeService
 
@@ -245,29 +248,152 @@ def test_what_a_command_did_is_shown_before_its_event_is_on_the_disk() -> None:
         assert not axis._connection._shows(done._replace(epoch=8))
 
 
-def test_leaving_logs_the_session_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its own session: the request names it."""
-    sent: list[tuple[str, str, str]] = []
-    told = json.dumps({"user": "anna", "person": "anna", "role": "viewer", "may": ["view"]}).encode()
+class Http:
+    """HTTP of the standard library: what it was asked, and where; each answer has a cookie."""
 
-    class Http:
-        def __init__(self, *_: object, **__: object) -> None:
-            pass
+    asked: ClassVar[list[tuple[str, Any, str, str, str]]] = []
+    told: ClassVar[dict[str, Any]] = {"user": "anna", "person": "bela", "role": "viewer", "may": ["view"]}
 
-        def request(self, method: str, path: str, _: object, headers: dict[str, str]) -> None:
-            sent.append((method, path, headers.get("Cookie", "")))
+    def __init__(self, host: str, port: int, **_: object) -> None:
+        self._at = host, port
 
-        def getresponse(self) -> SimpleNamespace:
-            said = f"{client_service._SESSION}=0123; Path=/; Secure"
-            return SimpleNamespace(status=200, read=lambda: told, getheader=lambda *_: said)
+    def request(self, method: str, path: str, _: object, headers: dict[str, str]) -> None:
+        self.asked.append((*self._at, method, path, headers.get("Cookie", "")))
 
-        def close(self) -> None:
-            pass
+    def getresponse(self) -> SimpleNamespace:
+        said = f"{client_service._SESSION}=0123; Path=/; Secure"
+        told = json.dumps(self.told).encode()
+        return SimpleNamespace(status=200, read=lambda: told, getheader=lambda *_: said)
 
-    monkeypatch.setattr(client_service.http.client, "HTTPConnection", Http)
-    with Service("http://127.0.0.1:8650", "anna", "secret") as session:
+    def close(self) -> None:
         pass
+
+
+@pytest.fixture
+def http(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any, str, str, str]]:
+    Http.asked = []
+    for name in ("HTTPConnection", "HTTPSConnection"):
+        monkeypatch.setattr(client_service.http.client, name, Http)
+    return Http.asked
+
+
+def test_leaving_logs_the_session_out_once(http: list[tuple[str, Any, str, str, str]]) -> None:
+    """Its own session: the request names it."""
+    with Service("http://127.0.0.1:8650", "anna", "secret") as session:
+        assert (session.who.user, session.who.person) == ("anna", "bela")
     session.close()
-    assert sent == [
+    assert [each[2:] for each in http] == [
         ("POST", "/api/v1/login", ""), ("POST", "/api/v1/logout", f"{client_service._SESSION}=0123")
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("address", "at"), [("https://gantry.example", ("gantry.example", 443)), ("http://[::1]", ("::1", 80))]
+)
+def test_an_address_without_a_port_has_the_usual_one(
+    http: list[tuple[str, Any, str, str, str]], address: str, at: tuple[str, int]
+) -> None:
+    Service(address, "anna", "secret")
+    assert http[0][:2] == at
+
+
+def test_a_recording_is_read_while_it_is_there(
+    http: list[tuple[str, Any, str, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is in a folder of its own, which is gone behind it."""
+    read: list[Path] = []
+
+    def look(path: Path) -> bytes:
+        read.append(path)
+        return path.read_bytes()
+
+    monkeypatch.setattr(client_service, "read_trace", look)
+    session = Service("http://127.0.0.1:8650", "anna", "secret")
+    found = session.recording(Recording("ab/c", "move-7.parquet", 90, "now"))
+    assert found == json.dumps(Http.told).encode()
+    assert http[-1][3] == "/api/v1/traces/ab%2Fc"
+    assert not read[0].parent.exists()
+
+
+# --- the connection -------------------------------------------------------------------------------
+
+
+def test_the_next_frame_of_a_silent_controller_is_none(axis: Axis, service: FakeService) -> None:
+    """A held key would be renewed by it."""
+    service.frame(fresh=False)
+    while not axis._connection.stale:
+        time.sleep(0.005)
+    with pytest.raises(DeviceError, match="no present state"):
+        axis._connection.next_frame(0, timeout_s=0.02)
+
+
+def test_the_end_of_a_connection_wakes_whoever_waits(
+    axis: Axis, service: FakeService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connection, woken = axis._connection, list[object]()
+    monkeypatch.setattr(connection._news, "notify_all", lambda: woken.append(connection._ended))
+    service.close()
+    connection._reader.join(PATIENCE_S)
+    assert isinstance(woken[-1], DeviceError)
+
+
+def test_leaving_ends_the_connection_before_it_waits_for_its_reader(
+    axis: Axis, service: FakeService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Control ends with the connection."""
+    did: list[str] = []
+    close = service.close
+    monkeypatch.setattr(service, "close", lambda: (did.append("ended"), close()))
+    monkeypatch.setattr(axis._connection._reader, "join", lambda _: did.append("waited"))
+    axis.close()
+    assert did == ["ended", "waited"]
+
+
+@pytest.mark.parametrize("said", [DeviceError("silent"), "{}", "no JSON"])
+def test_a_connection_that_cannot_be_used_is_ended(said: DeviceError | str) -> None:
+    class Wire(FakeService):
+        ended = False
+
+        def receive(self) -> str:
+            if isinstance(said, DeviceError):
+                raise said
+            return said
+
+        def close(self) -> None:
+            self.ended = True
+
+    wire = Wire()
+    with pytest.raises(DeviceError):
+        Axis(wire)
+    assert wire.ended
+
+
+def test_who_has_control_at_the_console_may_take_it_again(
+    axis: Axis, service: FakeService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(axis._connection, "welcome", axis.welcome._replace(place="local"))
+    service.frame(authority_user="anna", at_rest=True)
+    assert axis.wait_until(lambda tags: tags.authority_user == "anna", PATIENCE_S)
+    axis.take()
+    assert service.kinds() == ["take"]
+
+
+def test_a_refusal_before_the_connection_has_code_and_text() -> None:
+    refused = refusal_of(b'{"error": {"code": "SEC-06", "text": "too many connections"}}', 429)
+    assert isinstance(refused, Refused)
+    assert (refused.code, str(refused)) == ("SEC-06", "SEC-06 · too many connections")
+    assert "HTTP status 502" in str(refusal_of(b"<html>", 502))
+
+
+def test_no_frame_waits_in_front_of_a_slow_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library holds 16 messages back by itself, which would be old when they are read and look fresh."""
+    options: dict[str, Any] = {}
+
+    def connect(address: str, **given: Any) -> nullcontext[None]:
+        options.update(given, address=address)
+        return nullcontext()
+
+    monkeypatch.setattr("websockets.sync.client.connect", connect)
+    WebSocketWire("https://gantry:8650", "/api/v1/socket", "session=1", None)
+    assert options["address"] == "wss://gantry:8650/api/v1/socket"
+    assert (options["max_queue"], options["origin"]) == (None, "https://gantry:8650")
