@@ -69,6 +69,33 @@ def test_a_copy_of_the_process_begins_without_what_was_sent_before() -> None:
     link.close()
 
 
+def test_what_has_come_is_passed_over_and_nothing_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive that sends a heartbeat every 50 ms would be waited for without an end."""
+    bus, waits = Scripted(), list[float | None]()
+    bus.given = [message(0x702, b"\x05"), message(0x182)]
+    given = bus.recv
+    monkeypatch.setattr(bus, "recv", lambda timeout=None: (waits.append(timeout), given(timeout))[1])
+    link = BusLink(bus)
+    link.take_over()
+    assert (waits, bus.given) == ([0.0] * 3, [])
+    link.close()
+
+
+def test_a_frame_that_was_not_sent_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To a bus that refuses it, and to one that was left."""
+    bus = Scripted()
+    link = BusLink(bus)
+    assert link.send(0x202, b"") is True
+
+    def refuse(*_: object) -> None:
+        raise can.CanOperationError("no")
+
+    monkeypatch.setattr(bus, "send", refuse)
+    assert link.send(0x202, b"") is False
+    link.close()
+    assert link.send(0x202, b"") is False
+
+
 def test_frames_that_never_come_back_are_not_kept_for_ever() -> None:
     """An interface that gives no frame back after all: 256 of them at the most are waited for."""
     link = BusLink(Scripted(), echoes=True)
