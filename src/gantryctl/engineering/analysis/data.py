@@ -68,6 +68,7 @@ def study_data(study: Study) -> dict[str, Any]:
                 "closed_hz": mode.closed.hz,
                 "closed_zeta": mode.closed.zeta,
                 "damping_taken": mode.damping_taken,
+                "followed": mode.followed,
             }
             for mode in study.modes
         ],

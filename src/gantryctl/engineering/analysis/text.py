@@ -11,8 +11,8 @@ import numpy as np
 from gantryctl.engineering.analysis.measured.response import MeasuredResponse
 from gantryctl.engineering.analysis.models.linear import FloatArray
 from gantryctl.engineering.analysis.models.load_side import DiskMargin, LoadSideFigures
-from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind, Variation
-from gantryctl.engineering.analysis.models.modes import SwingMode
+from gantryctl.engineering.analysis.models.mechanics import MOTOR, Friction, PlantKind, Variation
+from gantryctl.engineering.analysis.models.modes import SwingMode, least_damped
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop
 from gantryctl.engineering.analysis.models.rigid import RigidLoop
 from gantryctl.engineering.analysis.models.robust import (
@@ -170,6 +170,11 @@ def _phase(figures: CutFigures) -> str:
 
 def _mode(mode: SwingMode) -> str:
     held, closed = mode.held, mode.closed
+    if not mode.followed:
+        return (
+            f"The {mode.name} has {held.hz:.2f} Hz and {100.0 * held.zeta:.2f} % damping while the motor is held, and "
+            "no swing near it in the closed loop: the loop is slower, and its motor gives way."
+        )
     if closed.zeta < 0.0:
         return (
             f"The {mode.name}, {held.hz:.2f} Hz with {100.0 * held.zeta:.2f} % damping while the motor is held, is "
@@ -191,14 +196,16 @@ def _taken(mode: SwingMode) -> str:
 
 
 def _swing(study: Study) -> str:
-    load = study.modes[0].closed
+    mode = study.modes[0]
+    load = mode.closed if mode.followed else least_damped(study.loop.poles)
     # A tenth, in time constants: ln 10.
     seconds = math.log(10.0) / (abs(load.zeta) * load.hz * _TWO_PI)
     top = study.closed_loop(SWINGING).peak
     fall = "fall to" if load.zeta > 0.0 else "grow from"
+    there = study.loop.following(np.array([top.w_rad_s]))
     return (
-        f"A set-point component at {top.w_rad_s / _TWO_PI:.2f} Hz moves the load {top.value:.0f} times as far; "
-        f"a swing takes {seconds:.1f} s to {fall} a tenth. The motor encoder hardly sees it."
+        f"A set-point component at {top.w_rad_s / _TWO_PI:.2f} Hz moves the load {top.value:.2g} times as far, and the "
+        f"motor {float(np.abs(there[MOTOR][0])):.2g} times; a swing takes {seconds:.2g} s to {fall} a tenth."
     )
 
 
@@ -444,9 +451,15 @@ def modes_table(study: Study) -> TextTable:
             mode.name,
             f"{mode.held.hz:.3f}",
             f"{100.0 * mode.held.zeta:.2f}",
-            f"{mode.closed.hz:.3f}",
-            f"{100.0 * mode.closed.zeta:.2f}",
-            f"{100.0 * mode.damping_taken:.2f}",
+            *(
+                (
+                    f"{mode.closed.hz:.3f}",
+                    f"{100.0 * mode.closed.zeta:.2f}",
+                    f"{100.0 * mode.damping_taken:.2f}",
+                )
+                if mode.followed
+                else ("-", "-", "-")
+            ),
         )
         for mode in study.modes
     ]

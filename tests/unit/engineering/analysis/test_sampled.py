@@ -20,8 +20,9 @@ from gantryctl.engineering.analysis.models.modes import Oscillation, least_dampe
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop, two_mass_loop
 from gantryctl.engineering.analysis.models.responses import SetPointStep, time_response
 from gantryctl.engineering.analysis.models.sampled import Cut, Input, LoopSettings, SampledLoop, loop_settings
-from gantryctl.engineering.analysis.study import cut_figures, grid_of
-from gantryctl.machine import default_machine, with_values
+from gantryctl.engineering.analysis.study import FOLLOWING, cut_figures, grid_of, study
+from gantryctl.engineering.analysis.text import modes_table, sentences
+from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from support.control_models import control_models
 
 MACHINE = default_machine()
@@ -238,3 +239,21 @@ def test_an_unstable_loop_has_no_gain_limits():
     figures = cut_figures(wild, Cut.SPEED_COMMAND)
     assert (figures.gain_down, figures.gain_up) == (None, None)
     assert math.isfinite(figures.sensitivity.value)
+
+
+def test_a_loop_that_is_slower_than_a_mode_has_no_swing_near_it():
+    """A rotary table whose load swings at 30 Hz behind a held motor, in a loop of 7 Hz: no pole lies from 15 to 60 Hz.
+
+    What it follows with overshoot is its own loop, which moves the motor as far as the load.
+    """
+    found = study(load_machine(configs_folder() / "rotary_table.toml"), PlantKind.FULL)
+    load, base = found.modes
+    assert load.held.hz == pytest.approx(29.9, abs=0.1)
+    swings_hz = np.abs(found.loop.poles[found.loop.poles.imag > 0.0]) / (2.0 * np.pi)
+    assert not np.any((swings_hz > 15.0) & (swings_hz < 60.0))
+    assert (load.followed, base.followed) == (False, True)
+    words = " ".join(sentences(found))
+    assert "load mode has 29.93 Hz and 1.91 % damping while the motor is held, and no swing near it" in words
+    assert modes_table(found).rows[0][3:] == ("-", "-", "-")
+    assert found.closed_loop(FOLLOWING).peak.value == pytest.approx(1.9, abs=0.05)
+    assert "moves the load 2 times as far, and the motor 1.9 times" in words

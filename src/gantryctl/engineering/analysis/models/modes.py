@@ -34,6 +34,11 @@ class SwingMode(NamedTuple):
     closed: Oscillation
 
     @property
+    def followed(self) -> bool:
+        """The closed loop has a swing within a factor of 2 of it; a slower loop has none, its motor gives way."""
+        return 0.5 <= self.closed.hz / self.held.hz <= 2.0
+
+    @property
     def damping_taken(self) -> float:
         """Damping ratio that the loop takes away; negative when it adds."""
         return self.held.zeta - self.closed.zeta
