@@ -1,0 +1,237 @@
+"""What is in a backup and what is not, and what a restore leaves alone: a state directory written by hand."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tarfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gantryctl.errors import GantryctlError, StateError, UsageError
+from gantryctl.machine import Machine, default_machine, default_machine_path, load_machine
+from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.runtime import Retained, RetainedMemory
+from gantryctl.service.backup import archive, create
+from gantryctl.service.backup.create import create_backup
+from gantryctl.service.backup.restore import restore_backup
+from gantryctl.service.backup.settings import settings_of
+from gantryctl.service.recorder.journal.places import places_of
+from gantryctl.service.recorder.journal.writer import Journal
+from gantryctl.service.supervisor.users import FORMAT
+
+NAME = default_machine().name
+NOT_KEPT = (
+    "lock", SERVICE_SOCKET, "run.state", "journal.mirror", "retain.a.json.part", "before-restore-001/state.json",
+)  # fmt: skip
+"""Of running processes, unfinished, or what an earlier restore has set aside."""
+
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A machine with memory, journal, accounts, and files that are of no backup."""
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    made = tmp_path / "state"
+    directory = made / NAME
+    directory.mkdir(parents=True)
+    RetainedMemory(directory).store(
+        Retained(NAME, "hash", rest_position_counts=123, increment_rad=0.5, speed_rad_s=0.02)
+    )
+    (made / "users.json").write_text(json.dumps({"format": FORMAT, "users": {}}))
+    for name in (*NOT_KEPT, "machine.json", "opcua/trusted/good.der", "opcua/revoked/bad.der"):
+        (directory / name).parent.mkdir(parents=True, exist_ok=True)
+        (directory / name).write_text(name)
+    journaled(directory, "one")
+    return made
+
+
+def journaled(directory: Path, text: str) -> None:
+    journal = Journal(directory)
+    journal.note("service", text)
+    journal.close()
+
+
+def backed_up(root: Path, machine: Machine | None = None) -> Path:
+    out = root.parent / "b.tar.gz"
+    out.unlink(missing_ok=True)
+    create_backup(machine or default_machine(), root, out)
+    return out
+
+
+def names_in(path: Path) -> set[str]:
+    with tarfile.open(path) as tar:
+        return set(tar.getnames())
+
+
+def test_a_backup_has_no_file_of_a_process_no_draft_and_nothing_that_was_set_aside(root: Path) -> None:
+    (root / NAME / "retain.b.json").unlink(missing_ok=True)
+    assert names_in(backed_up(root)) == {
+        "manifest.json",
+        f"config/{NAME}.toml",
+        "accounts/users.json",
+        "accounts/journal.key",
+        *(f"state/{name}" for name in (
+            "retain.a.json", "machine.json", "journal.sqlite", "opcua/trusted/good.der", "opcua/revoked/bad.der",
+        )),
+    }  # fmt: skip
+
+
+def test_the_memory_is_copied_before_the_journal_that_tells_of_it(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A service goes on meanwhile: what its memory speaks of must be in the journal, and not the other way round."""
+    copied: list[str] = []
+    copy, journal = create._copy, create._copy_journal
+
+    def copying(source: Path, to: Path) -> None:
+        copied.append(source.name)
+        copy(source, to)
+
+    def copying_journal(directory: Path, folder: Path) -> str:
+        copied.append("journal")
+        return journal(directory, folder)
+
+    monkeypatch.setattr(create, "_copy", copying)
+    monkeypatch.setattr(create, "_copy_journal", copying_journal)
+    backed_up(root)
+    of_state = [name for name in copied if name not in (f"{NAME}.toml", "users.json", "journal.key")]
+    assert of_state[0].startswith("retain.")
+    assert of_state[-1] == "journal"
+
+
+def test_a_journal_whose_key_does_not_fit_is_not_whole(root: Path) -> None:
+    key = places_of(root / NAME).key
+    os.chmod(key, 0o600)
+    key.write_bytes(bytes(reversed(key.read_bytes())))
+    assert create_backup(default_machine(), root, root.parent / "b.tar.gz").journal != ""
+
+
+def test_of_a_damaged_journal_every_file_is_kept(root: Path) -> None:
+    for name in ("journal.sqlite", "journal.sqlite-wal"):
+        (root / NAME / name).write_bytes(b"damaged" * 1000)
+    assert {"state/journal.sqlite", "state/journal.sqlite-wal"} <= names_in(backed_up(root))
+
+
+def test_a_disk_that_takes_no_backup_is_left_without_half_of_one(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(GantryctlError, match="No space left"):
+        backed_up(root)
+    assert not (root.parent / "b.tar.gz").exists()
+
+
+def test_a_calibration_comes_back_beside_its_machine_and_the_one_that_was_there_is_set_aside(
+    root: Path,
+) -> None:
+    folder = root.parent / "etc"
+    folder.mkdir()
+    configs = default_machine_path().parent
+    machine, calibration = folder / "hust_improved.toml", folder / "hust_improved.calibration.toml"
+    for file in (machine, calibration):
+        shutil.copy(configs / file.name, file)
+    then = calibration.read_text() + "# of then\n"
+    now = calibration.read_text() + "# of now!\n"  # as long as the other
+    calibration.write_text(then)
+    improved = load_machine(machine)
+    (root / NAME).rename(root / improved.name)
+    made = backed_up(root, improved)
+    calibration.write_text(now)
+    done = restore_backup(made, root)
+    assert calibration.read_text() == then
+    assert (done.set_aside / "config" / calibration.name).read_text() == now
+    # To another place both go.
+    restore_backup(made, root, root.parent / "other.toml")
+    assert (root.parent / calibration.name).read_text() == then
+
+
+def test_a_restore_counts_on_and_sets_aside_accounts_and_keeps_key_and_owner_that_are_here(
+    root: Path,
+) -> None:
+    made = backed_up(root)
+    directory = root / NAME
+    shutil.rmtree(directory / "before-restore-001")
+    (directory / "before-restore-007").mkdir()
+    (root / "users.json").write_text('{"users": {"later": {}}}')
+    key = places_of(directory).key.read_bytes()
+    done = restore_backup(made, root, accounts=True)
+    assert done.set_aside.name == "before-restore-008"
+    assert "later" in (done.set_aside / "users.json").read_text()
+    assert "later" not in (root / "users.json").read_text()
+    assert places_of(directory).key.read_bytes() == key
+    # Whose directory it is, is noted anew by the next start, by the machine file in force then.
+    assert not (directory / "machine.json").exists()
+
+
+def test_a_key_that_is_here_stays(root: Path) -> None:
+    """Made anew after the backup it seals the events that are here; the backup's would call them forged."""
+    made = backed_up(root)
+    directory = root / NAME
+    for name in ("journal.sqlite", "journal.mirror"):
+        (directory / name).unlink()
+    shutil.rmtree(places_of(directory).outside)
+    journaled(directory, "later")
+    key = places_of(directory).key.read_bytes()
+    restore_backup(made, root)
+    assert places_of(directory).key.read_bytes() == key
+
+
+def test_a_damaged_journal_that_is_here_makes_room_for_that_of_the_backup(root: Path) -> None:
+    made = backed_up(root)
+    (root / NAME / "journal.sqlite").write_bytes(b"damaged" * 1000)
+    done = restore_backup(made, root)
+    assert (done.set_aside / "journal.sqlite").read_bytes() == b"damaged" * 1000
+    assert not any("journal" in line for line in done.kept)
+    assert (root / NAME / "journal.sqlite").read_bytes() != b"damaged" * 1000
+
+
+def changed(root: Path, **of_manifest: Any) -> Path:
+    """An archive with another manifest, written in order."""
+    made = backed_up(root)
+    folder = root.parent / "unpacked"
+    manifest = archive.extract(made, folder)
+    made.unlink()
+    archive.write_archive(made, manifest._replace(**of_manifest), folder)
+    return made
+
+
+def test_a_backup_of_another_machine_than_its_file_says_is_refused(root: Path) -> None:
+    before = json.loads((root / NAME / "retain.a.json").read_text())
+    with pytest.raises(StateError, match="is of hust_gantry, not of other"):
+        restore_backup(changed(root, machine="other"), root)
+    assert json.loads((root / NAME / "retain.a.json").read_text()) == before
+
+
+def test_a_manifest_that_says_another_name_is_damaged(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One letter of a text, so that all else still fits: who made it is told behind every restore."""
+    text = archive._text
+    monkeypatch.setattr(archive, "_text", lambda made: text(made).replace(b'"by": "anna"', b'"by": "anni"'))
+    made = changed(root, by="anna")
+    monkeypatch.undo()
+    with pytest.raises(UsageError, match=r"damaged at manifest\.json"):
+        archive.read_manifest(made)
+
+
+def test_settings_are_in_the_units_that_their_names_have(root: Path) -> None:
+    found = settings_of(default_machine(), root)
+    # 0.5 rad and 0.02 rad/s.
+    assert found["operator"]["increment_deg"] == pytest.approx(28.6478897565)
+    assert found["operator"]["speed_setting_deg_s"] == pytest.approx(1.1459155903)
+    assert (found["opcua_trusted"], found["opcua_revoked"]) == (["good.der"], ["bad.der"])
+
+
+def test_a_restore_forgets_where_the_axis_rested_and_nothing_else(root: Path) -> None:
+    memory = RetainedMemory(root / NAME).load()
+    assert memory is not None
+    restore_backup(backed_up(root), root)
+    found = RetainedMemory(root / NAME).load()
+    assert found is not None
+    assert found.last_result.startswith("restored by ")
+    assert found == replace(memory, rest_position_counts=None, last_result=found.last_result)
