@@ -25,7 +25,7 @@ from gantryctl.image import DriveRequest, LinkFlag
 from unit.drives.canopen.canopen_bench import Bench
 from unit.drives.canopen.test_nodes_by_hand import CONTACTS, RING, neighbours, of_cia_401
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
-from unit.drives.canopen.test_scan_by_hand import sent_from_now
+from unit.drives.canopen.test_scan_by_hand import sent_from_now, statuswords
 from unit.drives.canopen.test_set_up_by_hand import NOTHING, Dictionary, settings
 from unit.drives.canopen.wire import Asked, Wire, remote_node
 
@@ -115,6 +115,40 @@ def test_a_drive_that_cannot_be_set_up_leaves_the_bus_to_others() -> None:
     with pytest.raises(DeviceError, match="does not answer"):
         bench.drive.open()
     assert told == ["closed"]
+
+
+def test_a_node_beside_the_drive_that_does_not_answer_sync_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench()
+
+    def silent() -> None:
+        raise DeviceError("node 3, I/O does not answer SYNC")
+
+    monkeypatch.setattr(bench.drive.beside, "check_answers", silent)
+    with pytest.raises(DeviceError, match="node 3, I/O"):
+        bench.drive.open()
+
+
+def test_what_two_senders_said_before_the_first_command_is_over() -> None:
+    """A second controller that was there during the set-up has gone."""
+    bench = Bench().open()
+    bench.drive.process.watches[0].contradicted = 5
+    assert all(LinkFlag.TWO_SENDERS not in bench.scan(DISABLE).link for _ in range(3))
+    bench.drive.close()
+
+
+def test_a_drive_with_an_old_target_may_be_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may not be enabled; in its fault it takes the edge of the reset bit: 80h once, and 0 behind it."""
+    bench = Bench().open()
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x08)
+    bench.scan(DISABLE)
+    bench.drive._supervision._stale_target = True
+    sent = sent_from_now(bench, monkeypatch, 0x202)
+    for _ in range(2):
+        bench.scan(DriveRequest.FAULT_RESET)
+    assert [data[:5] for data in sent] == ["80 00", "00 00"]
+    bench.drive.close()
 
 
 def test_behind_a_new_set_up_no_heartbeat_is_sent_before_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
