@@ -23,7 +23,7 @@ from gantryctl.engineering.batch import (
     in_lockstep,
     settling_s,
 )
-from gantryctl.engineering.report.text import decimals
+from gantryctl.engineering.report.text import decimals, figure
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.machine.places import heaviest_deg
@@ -303,7 +303,7 @@ class StopTable(list[StopRow]):
         rows = [
             (
                 row.stop.stop_class.value,
-                f"{row.stop.speed_deg_s:.1f}",
+                figure(row.stop.speed_deg_s, 1),
                 f"{row.stop.angle_deg:.2f}",
                 f"{row.angle_with_reaction_deg:.2f}",
                 f"{row.stop.time_s:.2f}",

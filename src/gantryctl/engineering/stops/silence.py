@@ -18,7 +18,7 @@ class WatchRow(NamedTuple):
         watch: object of the drive; delay_ms: until it acts.
         angle_deg: way from the last telegram to rest from `speed_deg_s`, on the full plant.
         speed_max_deg_s: highest speed within the permitted angle with this watch alone (rigid body, to the tenth
-            below); None where every setting is.
+            below, of a slow axis to two digits); None where every setting is.
     """
 
     watch: str
@@ -49,4 +49,7 @@ def watch_rows(machine: Machine, stops: Iterable[StopRow]) -> tuple[WatchRow, ..
 
 def _ceiling_deg_s(machine: Machine, delay_ms: float) -> float | None:
     fastest = silent_speed_max_deg_s(machine, delay_ms)
-    return None if fastest >= machine.speed.setting_max_deg_s else math.floor(10.0 * fastest) / 10.0
+    if fastest >= machine.speed.setting_max_deg_s:
+        return None
+    parts = 10.0 ** max(1, 1 - math.floor(math.log10(fastest)))
+    return math.floor(parts * fastest) / parts

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from gantryctl.engineering.report.origin import Origin
-from gantryctl.engineering.report.text import TextTable, decimals
+from gantryctl.engineering.report.text import TextTable, decimals, figure
 from gantryctl.engineering.stops.certify import QuickStops
 from gantryctl.engineering.stops.held_key import key_rows
 from gantryctl.engineering.stops.measured import MeasuredStops
@@ -33,14 +33,17 @@ def stops_text(rows: Sequence[StopRow]) -> TextTable:
     reducer = decimals([stop.torque_reducer_nm / 1e3 for stop in stops], 1)
     energy = decimals([max(stop.brake_energy_kj, stop.motor_energy_kj) for stop in stops], 1)
     base = decimals([stop.base_um for stop in stops], 0)
-    return TextTable.of("", [_row(row, motor, reducer, energy, base) for row in rows])._replace(left=(0, 12))
+    speed = decimals([stop.speed_deg_s for stop in stops], 1)
+    return TextTable.of("", [_row(row, speed, motor, reducer, energy, base) for row in rows])._replace(
+        left=(0, 12)
+    )
 
 
-def _row(row: StopRow, motor: int, reducer: int, energy: int, base: int) -> dict[str, str]:
+def _row(row: StopRow, speed: int, motor: int, reducer: int, energy: int, base: int) -> dict[str, str]:
     stop = row.stop
     return {
         "stop": stop.stop_class.value,
-        "from\ndeg/s": f"{stop.speed_deg_s:.1f}",
+        "from\ndeg/s": f"{stop.speed_deg_s:.{speed}f}",
         "angle\ndeg": f"{stop.angle_deg:.2f}",
         "+ 60 ms\ndeg": f"{row.angle_with_reaction_deg:.2f}",
         "time\ns": f"{stop.time_s:.2f}",
@@ -90,9 +93,9 @@ def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
     lines = []
     for row in watch_rows(machine, rows):
         line = f"controller silent, seen by {row.watch} after {row.delay_ms:g} ms: {row.angle_deg:.2f} deg"
-        line += f" from {row.speed_deg_s:.1f} deg/s"
+        line += f" from {figure(row.speed_deg_s, 1)} deg/s"
         if row.speed_max_deg_s is not None and row.speed_deg_s > row.speed_max_deg_s:
-            line += f": a drive with this watch alone is held to {row.speed_max_deg_s:.1f} deg/s"
+            line += f": a drive with this watch alone is held to {figure(row.speed_max_deg_s, 1)} deg/s"
         lines.append(line)
     return lines
 
@@ -101,7 +104,7 @@ def key_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
     """The stops of a held key whose page or network is gone, a line for each speed."""
     return [
         f"held key whose page is gone: {row.angle_deg:.2f} deg and {row.time_s:.2f} s after the last picture "
-        f"from {row.speed_deg_s:.1f} deg/s (lease of {machine.monitors.lease_ms:g} ms, then the ramp)"
+        f"from {figure(row.speed_deg_s, 1)} deg/s (lease of {machine.monitors.lease_ms:g} ms, then the ramp)"
         for row in key_rows(machine, rows)
     ]
 

@@ -10,11 +10,12 @@ import pytest
 from gantryctl.engineering.batch import Log
 from gantryctl.engineering.stops import limits
 from gantryctl.engineering.stops.certify import Certificate, QuickStops, certified_on
-from gantryctl.engineering.stops.run import StopCase, StopClass, StopResult, _evaluate
-from gantryctl.engineering.stops.text import certificate_lines
+from gantryctl.engineering.stops.run import StopCase, StopClass, StopResult, StopRow, _evaluate
+from gantryctl.engineering.stops.silence import watch_rows
+from gantryctl.engineering.stops.text import certificate_lines, key_lines, stops_text, watch_lines
 from gantryctl.engineering.stops.uncertain import Factors, UncertainPlant
 from gantryctl.errors import ConfigError
-from gantryctl.machine import configs_folder, default_machine, load_machine
+from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.wiring.simulator import plant_params
 
 # The package has a function of this name.
@@ -95,3 +96,28 @@ def test_a_load_that_swings_out_and_a_base_that_leans() -> None:
     assert found.load_angle_deg == pytest.approx(2.0)
     # 43 urad of lean at 2.366 m are 100 um; with the moment of the file instead some um would be left.
     assert found.base_um == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_yaw_drive_reads_its_speeds_and_not_zero() -> None:
+    """0.048 to 0.48 deg/s: a table from "0.0", and a drive that is held to 0.0 deg/s, were of no use."""
+    row = StopRow(STOP._replace(speed_deg_s=0.048, stop_class=StopClass.JOG_RELEASE), 0.03, inspect=False)
+    fast = StopRow(STOP._replace(speed_deg_s=0.48), 0.67, inspect=False)
+    assert [cells[1] for cells in stops_text([row, fast]).rows] == ["0.05", "0.48"]
+    assert "from 0.048 deg/s (lease of 250 ms" in key_lines(TABLE, [row])[0]
+    # v^2 / 2a + 0.15 v = 0.05 deg ends at 0.272 deg/s with 4 deg/s2: to two digits below.
+    slow = with_values(
+        default_machine(),
+        {
+            "drive.kind": "canopen", "control.scan_period_ms": 4.0, "can.heartbeat_alone_ms": 150.0,
+        },
+    )  # fmt: skip
+    slow = slow.model_copy(
+        update={
+            "required": slow.required.model_copy(update={"stopping_angle_deg": 0.05}),
+            "virtual_axis": slow.virtual_axis.model_copy(update={"quick_dec_deg_s2": 4.0}),
+        }
+    )
+    assert [watch.speed_max_deg_s for watch in watch_rows(slow, [fast])][1] == 0.27
+    assert watch_lines(slow, [fast])[1].endswith(
+        "from 0.48 deg/s: a drive with this watch alone is held to 0.27 deg/s"
+    )
