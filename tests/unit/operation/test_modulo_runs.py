@@ -316,6 +316,9 @@ def test_the_memory_of_a_powered_axis_on_a_bus_holds_no_rest_position() -> None:
 
     axis = Axis(axis_settings(real), float(REST - 1000))
     off = retained_after(real, KEPT, axis, Read(), END)  # type: ignore[arg-type]  # a reading of one field
+    # 1144 motor turns are one of the axis.
+    motor_turns = (5 * SPAN + 7) / real.counts_per_turn
+    assert math.degrees(off.travelled_rad) == pytest.approx(motor_turns * 360.0 / 1144)
     assert off.rest_position_counts == (REST + 7) % SPAN
     assert off.zero_offset_counts is not None
     angle = Fraction((REST + 7) % SPAN - off.zero_offset_counts - (5 * SPAN + 1007))

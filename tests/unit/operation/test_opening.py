@@ -22,7 +22,9 @@ from gantryctl.operation.run_memory import RunEnd
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.alarms.words import Words
 from gantryctl.units import deg
+from gantryctl.wiring.engine import build_engine
 
 from .kept_bench import MACHINE, NEW, kept_machine
 
@@ -142,6 +144,18 @@ def test_a_stop_of_an_earlier_run_is_reset_by_whom_it_is_for(
         opened = open_axis(MACHINE, store)
     assert [reason.cleared_by for reason in opened.reasons] == [cleared]
     assert opened.program.axis.feedback.in_doubt is bool(doubted_by)
+
+
+def test_a_doubt_without_a_stop_is_a_doubt() -> None:
+    """A battery that was empty at the start raises no alarm that stops: the turns are not proven all the same."""
+    with kept_machine(error_stop="", doubted_by="-") as store:
+        opened = open_axis(MACHINE, store)
+    assert opened.reasons == ()
+    engine = build_engine(MACHINE, opened.drive, opened.program)
+    engine.run_for(0.1)
+    refused = opened.program.axis.power_on()
+    assert refused is not None
+    assert refused.values["reason"] is Words.POSITION_NOT_VALID
 
 
 @pytest.mark.parametrize("limit_deg_s", [2.5, 99.0])

@@ -218,6 +218,14 @@ def test_the_current_direction_is_that_of_the_last_motion():
     assert table.axis.virtual.plans[-1][1].pos_end == table.axis.virtual.pos_ref_rad
 
 
+def test_a_motion_of_no_length_has_no_direction():
+    table = Table()
+    table.absolute(300.0, NEGATIVE)
+    table.absolute(300.0, SHORTEST)
+    table.absolute(290.0, Direction.CURRENT)  # on, 10 deg back
+    assert float(table.true_deg) == pytest.approx(290.0 - 360.0, abs=ARRIVED_DEG)
+
+
 def test_a_direction_is_kept_while_it_moves():
     """A target that lies within the way to rest is reached a turn later: no way back."""
     table = Table()
