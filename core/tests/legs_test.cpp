@@ -14,8 +14,8 @@ namespace {
 constexpr double kAcc = 0.0069;
 
 // Columns that are logged, not in their order: speed report, torque, load, set-point, command of the law,
-// acceleration of the set-point.
-const std::vector<int> kLogged = {18, 6, 7, 0, 5, 2};
+// acceleration of the set-point, mesh, limited.
+const std::vector<int> kLogged = {18, 6, 7, 0, 5, 2, 13, 15};
 
 // Plants as different as a population may be: in switches, scheme, delay, encoders, brakes and control.
 struct Population {
@@ -43,12 +43,14 @@ struct Population {
       if (k % 3 == 1) fit_ring_encoder(sim, static_cast<double>(k));
       sim.static_start(0.1 * static_cast<double>(k), k % 4 != 2);
       sim.count_offset = 3.0 * static_cast<double>(k);
+      sim.report.limited = k % 2 == 0;  // in the scan before
       if (k % 9 == 4 || k % 9 == 6) sim.set_encoder_gain(k % 2 == 0 ? 0.9 : 1.1);
       if (k % 9 == 6) sim.jump_encoder(1e-4 * static_cast<double>(k));
       sims.push_back(sim);
       legs.push_back(legs_of(static_cast<double>(k), static_cast<long>(k)));
       if (k % 3 == 1) compensate(compensations[k], static_cast<double>(k));
       if (k % 6 == 4) observe(compensations[k].p, static_cast<double>(k));
+      if (k % 12 == 4) compensations[k].p.load_encoder = false;  // by the motor alone
       if (k % 6 == 4) remember(compensations[k].s, static_cast<double>(k));
       // A law that nobody has followed yet has not begun when its axis stops first.
       if (k % 12 == 1) std::swap(legs[k][0], legs[k][2]);
@@ -98,7 +100,7 @@ struct Population {
     p.map.used = 3;
     p.lost_motion.used = 2;
     p.lost_motion.sine[1] = p.lost_motion.cosine[1] = 1e-6;
-    const bool few = static_cast<int>(k) % 4 == 0;  // the last plant of a pack, and the second
+    const bool few = static_cast<int>(k) % 5 == 1;  // the last plant of one pack, the first of another
     p.scale.used = few ? 2 : 5;
     p.scale.sine[1] = 1e-6 * k;
     p.scale.cosine[4] = few ? 0.0 : 1e-6;
@@ -126,6 +128,7 @@ struct Population {
     s.bias_rad = 1e-7 * k;
     s.info_sine = s.info_cosine = s.info_friction = 1e3 + k;
     for (std::size_t n = 0; n < kLeadSums; ++n) s.lead_sums[n] = 1.0 + 0.1 * k + static_cast<double>(n);
+    for (std::size_t n = 0; n < kBacklashModels; ++n) s.bank[n].misfit = 0.1 * k + static_cast<double>(n);
   }
 
   // At constant speed, where an encoder on the ring tells the lost motion; the way of the move before.
@@ -309,6 +312,7 @@ TEST(Leg, follows_its_plan_from_the_start_with_the_brake_open) {
   EXPECT_EQ(leg.mode, DriveMode::kSpeed);
   EXPECT_TRUE(leg.brake_open);
   EXPECT_TRUE(leg.added_rad_s.empty());
+  EXPECT_EQ(Control<double>().zero_counts, 0.0);
 }
 
 // Nobody follows a plan while the drive has a command of its own: there is no set-point but where the load
@@ -374,6 +378,19 @@ TEST(LogRow, shows_the_state_of_its_plant) {
   EXPECT_EQ(row.counts, 0.0);
   sim.report.limited = false;
   EXPECT_EQ(state_row(sim).torque_limited, 0.0);
+}
+
+TEST(LogRow, shows_its_set_point_and_what_the_law_makes_of_it) {
+  const GantrySim<double> sim = example::sim();  // the motor at 0
+  const Control<double> control{{10.0, 0.5, 100.0, 1e-3, 1e3}, 2000.0};
+  const LogRow<double> row = follow(sim, control, {0.1, 0.2, 0.3});
+  EXPECT_EQ(row.pos_ref_rad, 0.1);
+  EXPECT_EQ(row.vel_ref_rad_s, 0.2);
+  EXPECT_EQ(row.acc_ref_rad_s2, 0.3);
+  EXPECT_EQ(row.counts, -2000.0);
+  EXPECT_NEAR(row.pos_act_rad, -0.02, 1e-12);  // 2 rad of the motor through 100
+  EXPECT_NEAR(row.pos_err_rad, 0.12, 1e-12);
+  EXPECT_NEAR(row.vel_cmd_rad_s, 120.0 + 10.0, 1e-9);  // 10 x 12 rad and half of 20 rad/s
 }
 
 // 1144 N m of eccentric moment are 1 N m of the motor, and 3 N m are given beside it.
