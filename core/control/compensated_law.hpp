@@ -14,17 +14,17 @@ constexpr double kStepShare = 0.01;    // of the swing's speed, for a reading th
 template <class T>
 struct CompensatedResult {
   PositionLawResult<T> law;
-  T torque_ff_nm;      // motor side, to be added to the drive's torque
-  T disagreement_rad;  // load-side encoder minus the angle that motor encoder and maps give
-  T moment_change_nm;  // of the eccentric moment since the calibration, as observed; 0 where it is not
-                       // resolved
+  T torque_ff_nm;               // motor side, to be added to the drive's torque
+  T disagreement_rad;           // load-side encoder minus the angle that motor encoder and maps give
+  T moment_change_nm = T(0.0);  // of the eccentric moment since the calibration, as observed; 0 where it is
+                                // not resolved
 };
 
 template <class T>
 Flank<T> flank_now(const CompensationParams<T>& p, const CompensationState<T>& s) {
   const T friction = friction_load_now(p, s);
   const T gone = p.friction_load_nm - friction;
-  return {backlash_now(p, s), p.flank_friction_share * friction, select(gone > T(0.0), gone, T(0.0))};
+  return {backlash_now(p, s), p.flank_friction_share * friction, larger(gone, T(0.0))};
 }
 
 // Where the load is by motor encoder and maps, at rest: what the set-point starts from.
@@ -145,8 +145,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   // of a stop.
   const T asked = (r.acc - s.acc_last_rad_s2) / p.period_s;
   const T jerk = clamp(asked, -p.jerk_max_rad_s3, p.jerk_max_rad_s3);
-  s.swings_s =
-      select(asked == jerk, clamp(s.swings_s - p.period_s, T(0.0), p.observer_calm_s), p.observer_calm_s);
+  s.swings_s = select(asked == jerk, larger(s.swings_s - p.period_s, T(0.0)), p.observer_calm_s);
   const Motion<T> c = map_correction(p, moment, flank, s.direction, turning, r.pos, r.vel, r.acc, jerk);
   if (p.load_encoder) s.bias_rad = load_side_bias(p, s.bias_rad, r.pos - ring);
 
@@ -162,7 +161,6 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   const T torque = feed_forward_torque(p, ratio, r.pos, r.acc) - s.torque_zero_nm;
   out.torque_ff_nm = clamp(torque, -p.torque_limit_nm, p.torque_limit_nm);
   out.disagreement_rad = reading.seen - (y - c.pos);
-  out.moment_change_nm = T(0.0);
   if (p.moment_observer) {
     const Moment<T> change = observe_moment(p, ratio, r, torque_nm, s);
     out.moment_change_nm = select(moment_resolved(p, s, change), size_of(change), T(0.0));

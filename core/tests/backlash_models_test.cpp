@@ -285,6 +285,7 @@ TEST(BacklashScan, tells_only_where_the_planned_torque_lies_clearly_on_one_flank
     EXPECT_EQ(misfit(vel, side * -1.1, side * 6.0, 0.0), 7.0);  // 3.6 N m
     EXPECT_EQ(misfit(vel, side * -2.9, side * 6.0, 0.0), 7.0);  // -3.6 N m
     EXPECT_NE(misfit(vel, side * -3.1, side * 6.0, 0.0), 7.0);  // -4.4 N m
+    EXPECT_EQ(misfit(vel, 0.0, side * 6.0, 0.0), 7.0);  // 8 N m, but nothing that makes the load swing
     // With 2.5 N m more of 5 N m there are 3 N m behind the mesh: between -6 and 6 N m.
     EXPECT_EQ(misfit(vel, side * 0.7, 0.0, 2.5), 7.0);   // 5.8 N m
     EXPECT_NE(misfit(vel, side * 0.8, 0.0, 2.5), 7.0);   // 6.2 N m

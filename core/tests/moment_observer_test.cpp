@@ -114,6 +114,8 @@ TEST(MomentObserver, tells_a_change_of_two_standard_deviations) {
   EXPECT_TRUE(moment_resolved(p, s, {-10.0, 0.0}));
   EXPECT_FALSE(moment_resolved(p, s, {0.0, 2e4}));
   EXPECT_FALSE(moment_resolved(p, s, {2e4, 2e4}));
+  s.info_sine_cosine = 1.2e-8;  // (4 + 2 x 1.2 + 1)/2 of what one must be at least 4
+  EXPECT_FALSE(moment_resolved(p, s, {2e4, 2e4}));
   s.info_sine_cosine = 1.6e-8;
   EXPECT_TRUE(moment_resolved(p, s, {2e4, 2e4}));
   EXPECT_FALSE(moment_resolved(p, s, {2e4, -2e4}));
@@ -242,6 +244,19 @@ TEST(MomentObserver, acts_in_the_law_where_it_is_switched_on) {
     EXPECT_EQ(change > 0.0, on);
     EXPECT_EQ(change == 0.0, !on);
   }
+}
+
+// Three scans at 0.3 rad have seen 80 N m of the motor, and tell moment and friction not apart.
+TEST(MomentObserver, tells_nothing_of_what_a_few_scans_have_seen) {
+  Params p = observed();
+  p.moment_observer = true;
+  p.reversal_length_rad = 1e-6;
+  State s;
+  for (int k = 0; k < 3; ++k) {
+    const SetPoint<double> r{0.3 + 1e-4 * k, 0.1, 0.0};
+    EXPECT_EQ(compensated_law(example::law(), p, s, r, 0.0, 0.0, 80.0).moment_change_nm, 0.0);
+  }
+  EXPECT_GT(s.seen_sine, 0.0);
 }
 
 // A standing axis must not creep after what it has learnt in motion.
