@@ -33,6 +33,29 @@ def test_every_row_of_a_list_is_revoked(tmp_path: Path, monkeypatch: pytest.Monk
     assert known._serials == {5, 7}
 
 
+@pytest.mark.parametrize("renamed", [True, False])
+def test_a_list_that_is_copied_here_with_its_old_time_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renamed: bool
+) -> None:
+    """As `cp -p` and `rsync` do it: one of the same size in its place, or more in the same file."""
+    monkeypatch.setattr(
+        trust, "_revoked", lambda data: [SimpleNamespace(serial_number=each) for each in data]
+    )
+    known = trust.TrustList(tmp_path, SimpleNamespace(put=lambda *_: None))  # type: ignore[arg-type]
+    file, draft = tmp_path / "revoked" / "list", tmp_path / "revoked" / ".draft"
+    file.write_bytes(b"\x05")
+    assert known.refresh()
+    at = file.stat().st_mtime_ns
+    if renamed:
+        draft.write_bytes(b"\x07")
+        draft.replace(file)
+    else:
+        file.write_bytes(b"\x05\x07")
+    os.utime(file, ns=(at, at))
+    assert known.refresh()
+    assert 7 in known._serials
+
+
 @pytest.mark.parametrize(
     ("revoked", "trusted"),
     [({}, 1), ({"list": b"good"}, 1), ({".list": b"bad"}, 1), ({"a": b"bad", "b": b"good"}, 0), ({"b": b"bad"}, 0)],

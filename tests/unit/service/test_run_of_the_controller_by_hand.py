@@ -153,6 +153,26 @@ def test_commissioning_has_the_axis_next_only_where_it_was_asked_for_and_nothing
         assert bool(desk.memory.words[Word.COMMISSIONING]) is (hands_over and failure is None)
 
 
+@pytest.mark.parametrize("failure", [None, AlarmStop("no", Code.DRV_11)])
+def test_a_controller_is_clean_when_its_drive_is_closed_and_its_state_kept(
+    monkeypatch: pytest.MonkeyPatch, failure: AlarmStop | None
+) -> None:
+    """One that is killed while it takes the torque off was not shut down."""
+    with opened() as desk:
+        words, clean = desk.memory.words, list[int]()
+        words[Word.CONTROLLER_CLEAN] = 0
+        close, finish = desk.engine.close, desk.controller.retainer.finish
+        monkeypatch.setattr(
+            desk.engine, "close", lambda: (clean.append(words[Word.CONTROLLER_CLEAN]), close())
+        )
+        monkeypatch.setattr(
+            desk.controller.retainer, "finish",
+            lambda failed: (clean.append(words[Word.CONTROLLER_CLEAN]), finish(failed)),
+        )  # fmt: skip
+        desk.controller._close(failure)
+        assert [*clean, words[Word.CONTROLLER_CLEAN]] == [0, 0, failure is None]
+
+
 # --- what is counted and kept -------------------------------------------------------------------------
 
 
