@@ -293,7 +293,7 @@ RULES: Final[dict[type, Rules]] = {
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.TORQUE_HOLD,
         number="_speed_before",
         count="_driven _held",
-        fixed="_alarms _feedback _period_s _test_torque_nm",
+        fixed="_alarms _feedback _moved_max_rad _period_s _test_torque_nm",
     ),
     HoldingTorque: Rules(
         same="believed",
@@ -409,12 +409,12 @@ RULES: Final[dict[type, Rules]] = {
         same="resetting service",
         count="_count",
         part="_record",
-        fixed="_alarms _feedback _period_s _power _reset_scans",
+        fixed="_alarms _feedback _power _reset_scans _settings",
         special={"failure": lambda recovery, _: recovery.failure is not None},
     ),
     StopRecord: Rules(
         same="finished",
-        clock="_angle_known _brake_scan _brake_unseen _counts _read_rad_s _slow_scan _stands_scan _switching_on "
+        clock="_angle_known _brake_scan _brake_unseen _counts _ramp_s _read_rad_s _slow_scan _stands_scan _switching_on "
         "_torque_scan _torque_unseen _turned _turning_rad_s _turning_scan _was_open _was_torque alarm",
         fixed="_log _period_s",
     ),
