@@ -414,8 +414,8 @@ RULES: Final[dict[type, Rules]] = {
     ),
     StopRecord: Rules(
         same="finished",
-        clock="_angle_known _brake_scan _brake_unseen _counts _ramp_s _read_rad_s _slow_scan _stands_scan _switching_on "
-        "_torque_scan _torque_unseen _turned _turning_rad_s _turning_scan _was_open _was_torque alarm",
+        clock="_angle_known _brake_scan _brake_unseen _counts _ramp_s _read_rad_s _slow_scan _stands_scan "
+        "_switching_on _torque_scan _torque_unseen _turned _turning_rad_s _turning_scan _was_open _was_torque alarm",
         fixed="_log _period_s",
     ),
     Power: Rules(same="_enable _on", shown="error status", fixed="axis", unread=_BLOCK),
