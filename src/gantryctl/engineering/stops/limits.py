@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from gantryctl.engineering.analysis.models.mechanics import PlantKind, mechanics
+from gantryctl.engineering.analysis.models.sampled import SampledLoop, loop_settings
 from gantryctl.engineering.batch import expected, grouped
 from gantryctl.engineering.stops.certify import certified_on, largest_dec_deg_s2
 from gantryctl.engineering.stops.run import (
@@ -85,6 +87,17 @@ def check_quick_stop(machine: Machine, *, propose: bool = False) -> StopResult:
     problems = _too_heavy(machine, propose)
     where = f"{machine.machine.name}: [virtual_axis] quick_dec_deg_s2 = {dec:g}"
     moment = machine.plant.load.eccentric_check_moment_nm
+    if not within_ratings(machine, stop) and not _loop_is_stable(machine):
+        loop = machine.drive.speed_loop
+        raise ConfigError(
+            [
+                *problems,
+                f"{machine.machine.name}: [control] kpp_per_s = {machine.control.kpp_per_s:g}, [drive.speed_loop] "
+                f"kvp_nm_s_per_rad = {loop.kvp_nm_s_per_rad:g}, tvi_ms = {loop.tvi_ms:g}: this loop is unstable on the "
+                "plant of the file, and no stop goes by its ramp; `gantryctl analyse` shows it, `gantryctl tune` finds "
+                "gains",
+            ]
+        )
     way_out = "`gantryctl stops --find-quick` finds the largest possible value"
     if propose and not within_ratings(machine, stop):
         way_out = f"{_holds(heaviest)}; {way_out}"
@@ -113,6 +126,11 @@ def check_quick_stop(machine: Machine, *, propose: bool = False) -> StopResult:
     if problems:
         raise ConfigError(problems)
     return stop
+
+
+def _loop_is_stable(machine: Machine) -> bool:
+    """Both loops on the linear full plant, motor side."""
+    return SampledLoop(mechanics(machine, PlantKind.FULL), loop_settings(machine)).stable()
 
 
 def identified_load_kg_m2(machine: Machine) -> float | None:

@@ -121,3 +121,20 @@ def test_a_yaw_drive_reads_its_speeds_and_not_zero() -> None:
     assert watch_lines(slow, [fast])[1].endswith(
         "from 0.48 deg/s: a drive with this watch alone is held to 0.27 deg/s"
     )
+
+
+@pytest.mark.parametrize(
+    ("kvp", "told"), [(2000.0, "this loop is unstable"), (77.6959, "the motor cannot give it")]
+)
+def test_a_loop_that_is_unstable_is_told_and_no_gentler_stop_proposed(
+    monkeypatch: pytest.MonkeyPatch, kvp: float, told: str
+) -> None:
+    """Small delays of 0.58 ms turn a quarter of a circle at 2700 rad/s: the rotor of 0.362 kg m2 bears Kvp = 980."""
+    machine = with_values(default_machine(), {"drive.speed_loop.kvp_nm_s_per_rad": kvp})
+    monkeypatch.setattr(
+        limits, "hardest_quick_stop", lambda _: STOP._replace(torque_limited=True, angle_deg=3.0)
+    )
+    with pytest.raises(ConfigError) as refused:
+        limits.check_quick_stop.__wrapped__(machine)
+    (problem,) = refused.value.problems
+    assert told in problem
