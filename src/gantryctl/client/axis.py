@@ -179,6 +179,7 @@ class Axis:
                 self._ask("power", on=False, shown=False)
             raise
         self._ask("power", on=False, shown=False)
+        self._powered = False
         raise MotionStopped(f"the power sequence has ended, or did not end within {timeout_s:g} s")
 
     def power_off(self, timeout_s: float = 30.0) -> None:

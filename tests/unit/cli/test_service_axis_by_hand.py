@@ -337,3 +337,32 @@ def test_a_brake_is_watched_for_a_second_behind_the_power_down(
     else:
         with pytest.raises(AlarmStop, match="BRK-03"):
             axis.power_down()
+
+
+def test_power_that_somebody_has_switched_off_again_is_not_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(power=False, power_phase="off")
+    link.looks = [{}, {"power_phase": "enabling"}, {"power_phase": "off"}]
+    with pytest.raises(CommandRefused, match="power stays off: it was switched off again"):
+        axis_of(link, monkeypatch).switch(on=True)
+
+
+def test_an_angle_that_is_not_known_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(CommandRefused, match="the angle is not known"):
+        axis_of(Link(pos_act_deg=None), monkeypatch).take()
+
+
+def test_the_second_person_is_waited_for_and_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a second here: ten frames of 50 ms."""
+    monkeypatch.setattr(service_axis, "_OTHER_S", 0.5)
+    link, looked = Link(second_person=True, armed_action="none"), 0
+
+    def seen() -> None:
+        nonlocal looked
+        looked += 1
+        assert looked < 50, "it waits without an end"
+
+    link.when_looked = seen
+    with pytest.raises(CommandRefused, match="SEC-10 · nobody has armed brake-test"):
+        axis_of(link, monkeypatch).test_brake()
+    assert link.asked == ["take"]
+    assert looked >= 10

@@ -9,15 +9,17 @@ from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from gantryctl.cli.axis import attach
 from gantryctl.cli.options import ATTACHED
-from gantryctl.cli.service import user
+from gantryctl.cli.service import backup, user
 from gantryctl.machine import default_machine, short_hash
+from gantryctl.service.backup import restore
 from gantryctl.service.clients import link
-from gantryctl.service.recorder.journal import reading
+from gantryctl.service.recorder.journal import proof, reading
 from gantryctl.service.recorder.journal.places import places_of
 from gantryctl.service.recorder.journal.writer import Journal
 from support.command_line import cli, done, refused
@@ -187,6 +189,7 @@ def test_a_copy_of_the_journal_is_made_compared_and_checked_without_the_key(root
         done("journal", "verify", "--file", copy, "--without-key").out
         == "5 events, chain intact, seals not checked\n"
     )
+    assert done("journal", "verify", "--file", copy).out == "5 events, chain and seals intact\n"
     key = places_of(directory).key.rename(root / "kept.key")
     assert "journal's key cannot be read" in cli("journal", "verify").err
     assert done("journal", "verify", "--file", copy, "--key", key).out == "5 events, chain and seals intact\n"
@@ -275,3 +278,48 @@ def test_over_ssh_nobody_asks_for_a_link_to_the_console(monkeypatch: pytest.Monk
     monkeypatch.delenv("SSH_CONNECTION")
     assert "without a page" in cli("console").err
     assert len(asked) == 1
+
+
+def test_anchors_of_events_that_were_taken_out_are_told(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    verdict = SimpleNamespace(wrong="", rows=3, first=41, anchors=1, sealed=True)
+    monkeypatch.setattr(proof, "verify", lambda *_, **__: verdict)
+    kept = root / "anchors"
+    kept.write_text("".join(f"{seq} 0123 2026-01-01 {'0' * 32}\n" for seq in (7, 42)), encoding="utf-8")
+    assert done("journal", "verify", "--anchor", kept).out.splitlines() == [
+        "3 events from number 41 on, chain and seals intact",
+        "1 of 2 anchors found, the others are of events taken out since",
+    ]
+
+
+def test_a_restore_tells_what_stays_and_what_is_to_be_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    manifest = SimpleNamespace(machine="one", made="2026-01-01")
+    restored = SimpleNamespace(
+        config_file=Path("one.toml"), set_aside=Path("aside"), kept=("users.json",), manifest=manifest
+    )
+    monkeypatch.setattr(restore, "restore_backup", lambda *_, **__: restored)
+    told = done("backup", "restore", "file.tar").out.splitlines()
+    assert told == [
+        "one is restored as on 2026-01-01",
+        "machine file: one.toml",
+        "not replaced: users.json",
+        "what was here before: aside",
+        "no power until the angle was compared: gantryctl encoder set-zero --angle A --witness TEXT --config one.toml",
+    ]
+
+
+@pytest.mark.parametrize(("secrets", "told"), [(True, "keep it like a key"), (False, "without accounts")])
+def test_a_backup_tells_whether_keys_are_in_it(
+    capsys: pytest.CaptureFixture[str], secrets: bool, told: str
+) -> None:
+    manifest: Any = SimpleNamespace(
+        files={},
+        machine="one",
+        made="now",
+        by="anna",
+        host="here",
+        config_file="",
+        secrets=secrets,
+        journal="",
+    )
+    backup._say(Path("file.tar"), manifest, False)
+    assert told in capsys.readouterr().out

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from gantryctl.client import Axis, MotionStopped, Refused, Service
+from gantryctl.client import Axis, KeyLost, MotionStopped, Refused, Service, held
 from gantryctl.client import axis as client_axis
 from gantryctl.client import service as client_service
 from gantryctl.client.connection import Reply
@@ -313,6 +313,79 @@ def test_a_recording_is_read_while_it_is_there(
     assert found == json.dumps(Http.told).encode()
     assert http[-1][3] == "/api/v1/traces/ab%2Fc"
     assert not read[0].parent.exists()
+
+
+def test_what_the_service_tells_newest_first_stays_so(
+    http: list[tuple[str, Any, str, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And alarms are those of the past too. A cookie of another name is no session."""
+    session = Service("http://127.0.0.1:8650", "anna", "secret")
+    rows = [{"id": str(n), "name": f"move-{n}", "size": 1, "modified": "now"} for n in (3, 2, 1)]
+    monkeypatch.setattr(Http, "told", rows)
+    assert [each.name for each in session.recordings()] == ["move-3", "move-2", "move-1"]
+    monkeypatch.setattr(Http, "told", {"active": [], "history": [NOT_HELD]})
+    assert session.alarms() == [NOT_HELD]
+    session._keep_cookie("__Host-gantryctl_console=77; Path=/; Secure")
+    assert session._cookie == f"{client_service._SESSION}=0123"
+
+
+# --- a key ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("pause_s", "lost"), [(0.1, False), (0.3, True)])
+def test_who_looks_often_enough_has_held_the_key(
+    axis: Axis, service: FakeService, monkeypatch: pytest.MonkeyPatch, pause_s: float, lost: bool
+) -> None:
+    """A lease of 250 ms; each look is counted from the one before, not from the press."""
+    now_s = [0.0]
+    monkeypatch.setattr(held, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    with pytest.raises(KeyLost, match=r"for 0\.30 s") if lost else nullcontext(), axis.hold("forward") as key:
+        for _ in range(5):
+            service.frame()
+            next(key)
+            now_s[0] += pause_s
+
+
+def test_a_key_that_an_alarm_has_taken_tells_the_alarm(axis: Axis, service: FakeService) -> None:
+    service.refused["renew"] = "SEC-09"
+    with axis.hold("forward") as key:
+
+        def go_on() -> None:
+            while True:
+                service.frame(alarms=[NOT_HELD])
+                next(key)
+
+        with pytest.raises(AlarmStop, match="BRK-03"):
+            go_on()
+
+
+def test_a_key_is_let_go_before_the_axis_is_waited_for(axis: Axis, service: FakeService) -> None:
+    sent: list[str] = []
+    key = held.Held(axis._connection, "forward", lambda: sent.extend(service.kinds()))
+    with key:
+        pass
+    assert sent == ["jog", "release"]
+
+
+def test_a_refusal_of_before_takes_no_key(axis: Axis, service: FakeService) -> None:
+    connection = axis._connection
+    axis.halt()
+    dead = {"ok": False, "code": "SEC-09", "text": "dead", "values": {}, "epoch": 7, "journal": 0}
+    connection._take({"type": "reply", "seq": connection._seq, **dead})
+    with axis.hold("forward") as key:
+        service.frame()
+        next(key)
+
+
+def test_power_that_does_not_come_is_taken_back() -> None:
+    service = FakeService(power=False, power_phase="off")
+    with Axis(service) as axis:
+        with pytest.raises(MotionStopped, match="the power sequence has ended"):
+            axis.power_on()
+        assert service.kinds() == ["power", "power"]
+        assert service.sent[-1]["on"] is False
+    # Once: power that somebody else switches on behind it is not this program's to take.
+    assert service.kinds() == ["power", "power"]
 
 
 # --- the connection -------------------------------------------------------------------------------
