@@ -21,7 +21,7 @@ from gantryctl.drives.canopen.setup.opening import wanted_of
 from gantryctl.drives.canopen.setup.parameter_watch import ROUND_S, ParameterWatch
 from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
-from gantryctl.image import DriveRequest, LinkFlag
+from gantryctl.image import DriveRequest, LinkFlag, OutputImage
 from unit.drives.canopen.canopen_bench import Bench
 from unit.drives.canopen.test_nodes_by_hand import CONTACTS, RING, neighbours, of_cia_401
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
@@ -148,6 +148,65 @@ def test_a_drive_with_an_old_target_may_be_reset(monkeypatch: pytest.MonkeyPatch
     for _ in range(2):
         bench.scan(DriveRequest.FAULT_RESET)
     assert [data[:5] for data in sent] == ["80 00", "00 00"]
+    bench.drive.close()
+
+
+def test_a_drive_that_is_heard_again_is_asked_anew_in_its_next_silence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What was asked of it in the first silence, and what it showed then, is over."""
+    bench = Bench().open().enable()
+    told: list[str] = []
+    monkeypatch.setattr(bench.drive._stop_by_sdo, "forget", lambda: told.append("forgotten"))
+    monkeypatch.setattr(bench.drive._stop_by_sdo, "scan", lambda *_: told.append("asked"))
+    receive = bench.link.receive
+    for silent in (False, True, True, False):
+        with monkeypatch.context() as deaf:
+            if silent:
+                deaf.setattr(bench.link, "receive", lambda wait: receive(0.0) and None)
+            bench.drive.read()
+        bench.drive.write(OutputImage(DriveRequest.ENABLE, 0.0, 0.0, True))
+    bench.drive.read()
+    assert told == ["forgotten", "forgotten", "asked", "forgotten"]
+    bench.drive.close()
+
+
+def test_no_drive_tells_what_it_has_used_of_its_i2t() -> None:
+    """CiA 402 has no object for it; a share of 1 would stop the axis."""
+    bench = Bench().open().enable()
+    assert bench.scan().overload == 0.0
+    bench.drive.close()
+
+
+@pytest.mark.parametrize(("contact", "fitted"), [(None, False), (True, True), (False, True)])
+def test_a_brake_contact_is_one_whatever_it_says(
+    monkeypatch: pytest.MonkeyPatch, contact: bool | None, fitted: bool
+) -> None:
+    bench = Bench().open()
+    monkeypatch.setattr(bench.drive.beside, "brake_contact", lambda: contact)
+    assert bench.scan(DISABLE).brake_contact is fitted
+    bench.drive.close()
+
+
+def test_a_heartbeat_goes_out_every_12_scans(monkeypatch: pytest.MonkeyPatch) -> None:
+    """50 ms are 12.5 scans of 4 ms."""
+    bench = Bench().open()
+    sent, scans = sent_from_now(bench, monkeypatch, 0x77F), list[int]()
+    for _ in range(60):
+        bench.scan(DISABLE)
+        scans.append(len(sent))
+    first = scans.index(1)
+    assert [scans.index(k) - first for k in range(2, 5)] == [12, 24, 36]
+    bench.drive.close()
+
+
+def test_in_the_silence_of_the_process_data_no_sync_goes_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench().open().enable()
+    sent = sent_from_now(bench, monkeypatch, 0x080)
+    for silent in (True, False):
+        bench.drive.silent_process_data = silent
+        bench.scan()
+    assert len(sent) == 1
     bench.drive.close()
 
 
