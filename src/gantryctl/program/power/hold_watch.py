@@ -15,7 +15,7 @@ from gantryctl.units import deg, rad
 # slips at rest moves the load by 0.15 deg at most until then, where a slip of 0.02 deg is told. A rotary table tells
 # one of 0.19 deg.
 _MOVED_RAD: Final = rad(0.15)
-_MOVED_PER_SAG: Final = 7.5
+_SAG_RAD: Final = rad(0.02)
 _SPEED_RAD_S: Final = rad(0.1)
 _CATCH_S: Final = 0.300
 # A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
@@ -48,7 +48,7 @@ class HoldWatch:
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
         self._feedback, self._alarms = feedback, alarms
         self._period_s, self._test_torque_nm = settings.period_s, settings.power.test_torque_nm
-        self._moved_max_rad = max(_MOVED_RAD, _MOVED_PER_SAG * settings.power.sag_max_rad)
+        self._moved_max_rad = _MOVED_RAD * max(1.0, settings.power.sag_max_rad / _SAG_RAD)
         self.begin()
 
     def begin(self) -> None:
