@@ -188,6 +188,48 @@ def test_a_brake_contact_is_one_whatever_it_says(
     bench.drive.close()
 
 
+@pytest.mark.parametrize("commanded", [True, False])
+def test_a_bus_that_runs_by_the_clock_is_told_how_late_each_sync_is(
+    monkeypatch: pytest.MonkeyPatch, commanded: bool
+) -> None:
+    """Scans of 4 ms after 4, 7.5 and 4 ms: the second has left one out, and is an eighth of a period early."""
+    bench, told = Bench().open(), list[float]()
+    drive, link = bench.drive, bench.link
+    monkeypatch.setattr(link, "stepped", False)
+    monkeypatch.setattr(drive._supervision, "period", told.append)
+    drive.commanded, drive._synced_s, drive._sampled_s = commanded, 0.0, 0.0
+    seen = []
+    for now_s in (0.004, 0.0115, 0.0155):
+        monkeypatch.setattr(link, "now_s", lambda now_s=now_s: now_s)
+        periods = drive._periods()
+        seen.append((periods, drive._spread(periods)))
+    late = [(1, 0.0), (2, pytest.approx(-0.125)), (1, 0.0)]
+    assert seen == (late if commanded else [(1, 0.0)] * 3)
+    assert told == (pytest.approx([0.004, 0.0075, 0.004]) if commanded else [])
+    monkeypatch.undo()
+    drive.commanded = False
+    drive.close()
+
+
+def test_a_drive_that_is_never_enabled_is_not_told_to_ignore_its_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It stays in Switched on, bit 12 is 0, and 0Fh is sent for longer than a second: the program tells of that."""
+    bench = Bench().open()
+    statuswords(bench, monkeypatch, lambda word: word & ~0x106F | 0x23)
+    assert bench.run(1.2).link == LinkFlag.NONE
+    bench.drive.close()
+
+
+def test_a_drive_is_left_in_pre_operational(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its deadline for commands (1400:05) ends there with its process data: silence is no fault any more."""
+    bench = Bench().open()
+    bench.run(0.1, DISABLE)
+    sent = sent_from_now(bench, monkeypatch, 0x000)
+    bench.drive.close()
+    assert sent == ["80 02"]
+
+
 def test_a_heartbeat_goes_out_every_12_scans(monkeypatch: pytest.MonkeyPatch) -> None:
     """50 ms are 12.5 scans of 4 ms."""
     bench = Bench().open()
