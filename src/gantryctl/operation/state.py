@@ -110,7 +110,9 @@ def machine_status(machine: Machine) -> MachineStatus:
             condition, encoder = "the drive cannot be reached", str(fault)
     if retained.doubted_by:
         angle_deg = None
-        encoder = f"in doubt since {retained.doubted_by}: service compares the angle, then reset"
+        # "-": no alarm has stopped the axis for it.
+        since = "" if retained.doubted_by == "-" else f" since {retained.doubted_by}"
+        encoder = f"in doubt{since}: service compares the angle, then reset"
     code = retained.error_stop
     if code:
         then = "only service resets it" if code in LOCKED else "then reset"

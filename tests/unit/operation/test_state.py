@@ -221,6 +221,11 @@ def test_a_reset_says_what_it_acknowledged_and_does_it_once(monkeypatch: pytest.
     assert reset_machine(MACHINE) == "nothing to reset"
 
 
+def test_a_doubt_without_an_alarm_names_none() -> None:
+    kept(doubted_by="-")
+    assert machine_status(MACHINE).encoder == "in doubt: service compares the angle, then reset"
+
+
 def test_the_encoder_is_reported_with_its_margins() -> None:
     kept()
     rows = dict(encoder_report(MACHINE).rows())
