@@ -216,6 +216,15 @@ def test_what_torque_was_learned_stays_with_the_place(rig):
     assert model.expected_nm(rad(12.5 - 90.0), 0.0, 0.0) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_where_the_angle_was_not_known_no_learned_torque_stays(rig):
+    """Nobody can say what place the moment stood at: BRK-02 begins anew instead of asking for it somewhere."""
+    model = rig.axis.monitors.drag.model
+    model.restore((14.0, 0.0, 5.0, 1.0, 2.0))
+    rig.axis.pos_act_rad = math.nan
+    assert rig.axis.set_position(rad(12.5)) is None
+    assert not model.learned
+
+
 def test_set_position_is_refused_in_motion_and_outside(rig):
     move, block = MoveAbsolute(rig.axis), SetPosition(rig.axis)
     call(rig, block, execute=True, position_rad=rad(180.5))

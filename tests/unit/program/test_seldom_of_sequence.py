@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gantryctl.image import DigitalInputs, DriveState
+from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS
@@ -346,3 +346,28 @@ def test_behind_a_reset_of_hold_the_brake_takes_the_load_step_by_step():
     assert [phase for phase, _ in seen] == [P.CLOSING, P.UNLOADING, P.DISABLING, P.OFF]
     assert seen[0][1].torque_ff_nm == approx(12.0)
     assert seen[1][1].torque_ff_nm == approx(0.0, abs=0.1)
+
+
+def test_a_drive_that_is_silent_is_not_taken_for_one_that_has_let_the_load_go():
+    """HOLD, and half a second without telegrams: the torque stays commanded, for nothing else holds the load."""
+    rig = held_again()
+    rig.run(0.3)
+    rig.spoil = lambda drive: drive._replace(age_scans=200, link=LinkFlag.LATE)
+    for _ in range(500):
+        rig.step()
+        assert rig.axis.power.phase is P.TORQUE_HOLD
+        assert (rig.output.request, rig.output.torque_ff_nm) == (DriveRequest.ENABLE, approx(12.0))
+    assert rig.codes == ["BRK-03", "CAN-03"]
+
+
+def test_a_drive_that_may_be_opening_its_brake_is_told_to_stop_until_it_has_shown_what_it_is():
+    """A quick stop as it switches on: shown enabled or not within three scans, it has not been disabled before."""
+    rig = own_brake()
+    rig.until(lambda: rig.image.drive.state is DriveState.SWITCHED_ON, 1.0)
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON, brake_open=False)
+    rig.op(quick_stop=True)
+    said = [(rig.axis.power.phase, rig.output.request)]
+    for _ in range(4):
+        rig.step()
+        said.append((rig.axis.power.phase, rig.output.request))
+    assert said == [(P.DISABLING, DriveRequest.QUICK_STOP)] * 4 + [(P.OFF, DriveRequest.DISABLE)]
