@@ -43,8 +43,9 @@ def foreign_in_html(page: str) -> list[str]:
 def foreign_in(folder: Path) -> Iterator[tuple[str, str]]:
     """File and words, over everything in a folder, at any depth."""
     for path in sorted(folder.rglob("*")):
-        # The JSON schema of machine files is the same for every machine: it explains keys and their defaults.
-        if path.is_dir() or path.name in ("machine.schema.json", "sheet.schema.json"):
+        # The JSON schema of machine files is the same for every machine: it explains keys and their defaults. A lock
+        # holds the number of a process.
+        if path.is_dir() or path.name in ("machine.schema.json", "sheet.schema.json", "lock"):
             continue
         name = str(path.relative_to(folder))
         if foreign(name):

@@ -49,6 +49,10 @@ def moved_deg(run: Run) -> float:
     return float(np.degrees(run.node.truth()[0]))
 
 
+def motor_deg(run: Run) -> float:
+    return float(np.degrees(run.node.truth()[2])) / MACHINE.axis.ratio
+
+
 def test_a_move_ends_where_it_was_sent_and_leaves_the_brake_closed() -> None:
     run = Run()
     motion = run.session.move(10.0)
@@ -187,14 +191,15 @@ def test_after_a_restart_of_the_drive_a_reset_is_enough() -> None:
         run.session.move(60.0, 3.0)
     run.session.power_down()
     engine, axis = run.session.engine, run.session.axis
-    stood = moved_deg(run)
+    # Behind the brake, which holds the motor, the load swings on by 0.03 deg.
+    stood = motor_deg(run)
     assert set_up_again(engine)
     assert not set_up_again(engine)
     assert axis.reset(service=True) is None
     engine.run_for(1.0)
     assert axis.state is AxisState.DISABLED
     assert axis.alarms.first_out is None
-    assert moved_deg(run) == pytest.approx(stood, abs=0.02)
+    assert motor_deg(run) == pytest.approx(stood, abs=0.005)
     assert run.session.move(stood + 2.0).done
     assert moved_deg(run) == pytest.approx(stood + 2.0, abs=0.02)
     run.session.close("done")

@@ -348,7 +348,7 @@ export const WORDS: Record<string, string> = {
   LEDGER_RAMP: "按自身斜坡减速",
   LEDGER_BRAKE: "切断转矩并制动",
   LEDGER_RAMP_OR_BRAKE: "按自身斜坡减速，或切断转矩并制动",
-  LEDGER_NOT_FASTER: "允许 {limit:g}°：速度不超过 {speed:.1f} °/s",
+  LEDGER_NOT_FASTER: "允许 {limit:g}°：速度不超过 {speed:g} °/s",
   LEDGER_SHORTER_ALLOWS: "{time_ms:.0f} ms 则允许 {speed:g} °/s",
   LEDGER_MISSES_CONTROLLER: "它能发现控制器消失，但不能发现个别指令丢失",
   LEDGER_DEAD_SENDS_NOTHING: "失效的控制器也不再发送指令",

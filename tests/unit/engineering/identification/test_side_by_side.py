@@ -90,7 +90,7 @@ def test_the_compiled_probe_records_what_the_probe_does(wraps: int) -> None:
 def test_too_much_torque_or_travel_stops_a_compiled_probe() -> None:
     loud = multisine(Input.SPEED, 20.0, 150.0, 10, 1e-3, 0.5)
     with pytest.raises(
-        AlarmStop, match=r"permitted \+-2\.0 N m; the signal is off, the axis makes a quick stop"
+        AlarmStop, match=r"permitted \+-2 N m; the signal is off, the axis makes a quick stop"
     ):
         compiled(60.0, 2.0).run(loud, 500)
     probe = compiled(179.0)
