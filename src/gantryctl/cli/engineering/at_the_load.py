@@ -125,14 +125,13 @@ class Typed:
             raise InstrumentError(f"{line.strip()[:40]!r} is no angle in deg") from None
 
     def _line(self) -> str:
-        while "\n" not in self._text:
+        # None: closed before the start.
+        while "\n" not in self._text and sys.stdin is not None:
             try:
                 # Not through the buffer of sys.stdin: its lock would hold up the end of the process while this waits.
                 more = os.read(sys.stdin.fileno(), 4096).decode(errors="replace")
             except (OSError, ValueError):  # a standard input without a file, as under a test
                 more = sys.stdin.readline()
-            except AttributeError:  # closed before the start
-                more = ""
             if not more:
                 break
             self._text += more
