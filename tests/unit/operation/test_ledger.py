@@ -11,6 +11,7 @@ from gantryctl.commissioning import Commissioning
 from gantryctl.drives.od.facts import ObjectFact
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine, with_values
+from gantryctl.machine.rules.reaction import permitted_speed_deg_s
 from gantryctl.operation.ledger import Proofs, Standing
 from gantryctl.operation.ledger.acceptance import (
     ledger_path,
@@ -19,7 +20,7 @@ from gantryctl.operation.ledger.acceptance import (
 from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
 from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unproven, unset
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
-from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN, permitted_speed_deg_s
+from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.proofs import (
     bus_reasons,

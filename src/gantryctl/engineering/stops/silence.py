@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from gantryctl.engineering.stops.run import StopClass, StopRow
 from gantryctl.machine import Machine
-from gantryctl.machine.rules.reaction import silent_speed_max_deg_s
+from gantryctl.machine.rules.reaction import permitted_speed_deg_s, silent_speed_max_deg_s
 
 
 class WatchRow(NamedTuple):
@@ -49,7 +48,4 @@ def watch_rows(machine: Machine, stops: Iterable[StopRow]) -> tuple[WatchRow, ..
 
 def _ceiling_deg_s(machine: Machine, delay_ms: float) -> float | None:
     fastest = silent_speed_max_deg_s(machine, delay_ms)
-    if fastest >= machine.speed.setting_max_deg_s:
-        return None
-    parts = 10.0 ** max(1, 1 - math.floor(math.log10(fastest)))
-    return math.floor(parts * fastest) / parts
+    return None if fastest >= machine.speed.setting_max_deg_s else permitted_speed_deg_s(fastest)

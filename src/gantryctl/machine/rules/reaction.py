@@ -213,6 +213,12 @@ def silent_speed_max_deg_s(
     return _positive_root(square, linear, constant - m.required.stopping_angle_deg)
 
 
+def permitted_speed_deg_s(speed_deg_s: float) -> float:
+    """A highest speed as people read it: never more, in tenths, or in two digits where it is slower than 1 deg/s."""
+    scale = 10.0 ** max(1, 1 - math.floor(math.log10(speed_deg_s))) if speed_deg_s > 0.0 else 1.0
+    return math.floor(scale * speed_deg_s) / scale
+
+
 def _silent_way(m: Machine, delay_ms: float, brake: bool, dec_deg_s2: float) -> tuple[float, float, float]:
     """The way as square, linear and constant part of the speed."""
     delay_s = delay_ms / 1000.0

@@ -8,6 +8,7 @@ from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.machine.rules.reaction import (
     REACTION_S,
     driven_acc_deg_s2,
+    permitted_speed_deg_s,
     silent_angle_deg,
     silent_speed_max_deg_s,
 )
@@ -18,7 +19,6 @@ from gantryctl.operation.ledger.rows import (
     Question,
     Standing,
     costs,
-    permitted_speed_deg_s,
     step_failed,
 )
 from gantryctl.operation.ledger.silence import watch_step

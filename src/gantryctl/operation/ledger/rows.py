@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -159,9 +158,3 @@ def costs(objects: object, cost: object) -> Said:
 def step_failed(step: str) -> Said:
     """A proof was tried, and failed."""
     return Words.LEDGER_STEP_FAILED(step=step)
-
-
-def permitted_speed_deg_s(speed_deg_s: float) -> float:
-    """A highest speed as people read it: never more, in tenths, or in two digits where it is slower than 1 deg/s."""
-    scale = 10.0 ** max(1, 1 - math.floor(math.log10(speed_deg_s))) if speed_deg_s > 0.0 else 1.0
-    return math.floor(scale * speed_deg_s) / scale

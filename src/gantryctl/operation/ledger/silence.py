@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gantryctl.machine.rules.reaction import silent_angle_deg, silent_speed_max_deg_s
+from gantryctl.machine.rules.reaction import permitted_speed_deg_s, silent_angle_deg, silent_speed_max_deg_s
 from gantryctl.operation.ledger.rows import (
     SILENT_STOP_S,
     LedgerRow,
     Question,
     Standing,
     costs,
-    permitted_speed_deg_s,
     step_failed,
 )
 from gantryctl.program.alarms.words import Clauses, Said, Words
