@@ -378,7 +378,8 @@ class CanopenDrive:
         inputs = self.beside.read_inputs(process.input_word, keep=state in ENERGISED)
         brake = self.beside.brake_contact()
         brake_open = self._brake.is_open(state, brake)
-        code = self._fault_code(state)
+        self._follow_fault(state)
+        code = self._fault_code()
         return DriveFeedback(
             state,
             process.position,
@@ -402,13 +403,16 @@ class CanopenDrive:
             foreign_id=self.node.foreign_id,
         )
 
-    def _fault_code(self, state: DriveState) -> int:
-        """Error code of a fault: by telegram, by EMCY, by SDO; a warning only where there is nothing else."""
-        emergencies = self.node.emergencies
+    def _follow_fault(self, state: DriveState) -> None:
+        """Note whether the drive is in fault, and forget what explained one that is over."""
         # Not every drive tells by EMCY that an error is over: it explains no later fault.
         if self._in_fault and state not in _IN_FAULT:
-            emergencies.code = 0
+            self.node.emergencies.code = 0
         self._in_fault = state in _IN_FAULT
+
+    def _fault_code(self) -> int:
+        """Error code of a fault: by telegram, by EMCY, by SDO; a warning only where there is nothing else."""
+        emergencies = self.node.emergencies
         return (
             self.process.error_code
             or emergencies.fault_code
