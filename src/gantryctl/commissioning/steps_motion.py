@@ -17,10 +17,12 @@ from gantryctl.commissioning.stopping.quick_stop import (
     computed_way_deg,
     measure_quick_stop,
     permitted_way_deg,
+    trial_acc_deg_s2,
 )
 from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, watched_ways
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.errors import AlarmStop
+from gantryctl.machine import Machine
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.places import reach_deg
 from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
@@ -32,8 +34,8 @@ from gantryctl.trace.table import Trace
 from gantryctl.units import deg
 
 _SMALL_DEG: Final = 1.0
+# As far as the axis may turn so fast.
 _STOP_SPEEDS: Final = (1.0, 3.0)
-_STOP_ACC: Final = 1.0
 _CRUISE_S: Final = 0.5
 # Beyond ramp, cruise and permitted stop: lag of the drive, sag when the brake opens and closes.
 _LEASH_SPARE_DEG: Final = 0.3
@@ -125,7 +127,7 @@ def stops(c: Context) -> StepResult:
     figures: dict[str, Figure] = {}
     decs: list[float] = []
     direction = 1.0
-    for speed in _STOP_SPEEDS:
+    for speed in _stop_speeds(c.machine):
         for stop in (_quick_stop, _silent_stop):
             try:
                 what, measured, computed = stop(c, direction * speed, decs)
@@ -145,6 +147,13 @@ def stops(c: Context) -> StepResult:
     return judged(True, "stops", proof, _TOO_LONG, **figures)
 
 
+def _stop_speeds(machine: Machine) -> tuple[float, float]:
+    """1 and 3 deg/s; of an axis that is not so fast its highest setting, and half of that at most."""
+    slow, fast = _STOP_SPEEDS
+    fast = min(fast, machine.speed.setting_max_deg_s)
+    return min(slow, 0.5 * fast), fast
+
+
 def _add(
     c: Context, figures: dict[str, Figure], what: str, speed: float, measured: float, computed: float
 ) -> None:
@@ -158,10 +167,11 @@ def _add(
 @contextmanager
 def _at_speed(c: Context, what: str, speed: float, way_deg: float) -> Iterator[OpenLoopAxis]:
     """The axis at a speed, with the position loop open, on a leash that ends with the permitted stop."""
-    leash = speed * speed / (2.0 * _STOP_ACC) + _CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
+    acc = trial_acc_deg_s2(c.machine)
+    leash = speed * speed / (2.0 * acc) + _CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
     with open_loop_axis(c, leash, f"{what} from {speed:+g} deg/s") as axis:
         axis.enable()
-        axis.ramp_to(speed, _STOP_ACC)
+        axis.ramp_to(speed, acc)
         axis.run(_CRUISE_S, speed_deg_s=speed)
         yield axis
 

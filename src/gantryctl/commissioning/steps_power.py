@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from typing import Final
 
@@ -17,7 +18,11 @@ from gantryctl.units import deg, rad
 from gantryctl.wiring.program import untestable
 
 _STAND_DEG: Final = 0.1
-_STEP_S: Final = 4.0
+# Of the step to creep speed: time at it, the part of that before it is measured, and the way with both ramps.
+_STEP_S: Final = 5.0
+_SETTLE_PART: Final = 0.2
+_STEP_WAY_DEG: Final = 1.0
+_STEP_SPARE_DEG: Final = 0.2
 _STEP_TOLERANCE: Final = 0.02
 
 
@@ -62,20 +67,25 @@ def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
 
 def velocity(c: Context) -> StepResult:
     """Turn at creep speed and measure it."""
-    speed = c.machine.speed.creep_deg_s
-    with open_loop_axis(c, 2.0 * _STEP_S * speed, "creep speed") as axis:
+    acc = c.machine.virtual_axis.acc_deg_s2
+    # An axis whose creep is fast goes no further than the step says: half of the way is left for constant speed.
+    speed = min(c.machine.speed.creep_deg_s, math.sqrt(0.5 * _STEP_WAY_DEG * acc))
+    at_speed_s = min(_STEP_S, (_STEP_WAY_DEG - speed * speed / acc) / speed)
+    measured_s = (1.0 - _SETTLE_PART) * at_speed_s
+    way_deg = speed * at_speed_s + speed * speed / acc
+    with open_loop_axis(c, way_deg + _STEP_SPARE_DEG, "creep speed") as axis:
         axis.enable()
-        axis.ramp_to(speed, c.machine.virtual_axis.acc_deg_s2)
-        axis.run(1.0, speed_deg_s=speed)
+        axis.ramp_to(speed, acc)
+        axis.run(_SETTLE_PART * at_speed_s, speed_deg_s=speed)
         begun = axis.angle_deg
-        seen = axis.run(_STEP_S, speed_deg_s=speed)
-        reached = (axis.angle_deg - begun) / _STEP_S
-        axis.ramp_to(0.0, c.machine.virtual_axis.acc_deg_s2)
+        seen = axis.run(measured_s, speed_deg_s=speed)
+        reached = (axis.angle_deg - begun) / (len(seen) * axis.period_s)
+        axis.ramp_to(0.0, acc)
         axis.run(0.5)
         axis.disable()
         told = axis.drive.reports_torque
     low, high = speed * (1.0 - _STEP_TOLERANCE), speed * (1.0 + _STEP_TOLERANCE)
-    proof = f"{speed:g} deg/s commanded, {reached:.5f} deg/s over {_STEP_S:g} s"
+    proof = f"{speed:g} deg/s commanded, {reached:.5f} deg/s over {measured_s:.3g} s"
     figures = {"speed_deg_s": Figure(reached, low, high)}
     if told:
         torque = float(np.mean([f.torque_act_nm for f in seen]))

@@ -166,7 +166,7 @@ def _push(axis: OpenLoopAxis, lowered: dict[int, int], figures: dict[str, Figure
 
 
 def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
-    """Lower 6072 and 6080 for the test move only, and read them back.
+    """Lower 6072 and 6080 for the test move only, and read them back; what is lower already stays.
 
     Returns:
         Values by index of those that the drive takes.
@@ -179,9 +179,11 @@ def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
         _SPEED_CEILING: max(1, math.ceil(_CEILING_DEG_S * axis.ratio / DEG_S_PER_R_MIN)),
     }
     lowered = {}
-    for index, value in wanted.items():
-        if sdo.optional(index) is None:
+    for index, most in wanted.items():
+        now = sdo.optional(index)
+        if now is None:
             continue
+        value = min(most, now or most)
         try:
             sdo.set(index, 0, value)
         except SdoError as refused:

@@ -57,10 +57,12 @@ def ring(c: Context) -> StepResult:
     with open_loop_axis(c, _LEASH_DEG, "ring encoder") as axis:
         axis.enable()
         stood = [_standing(axis)]
-        for speed in (_SPEED_DEG_S, -_SPEED_DEG_S):
-            acc = c.machine.virtual_axis.acc_deg_s2
+        acc = c.machine.virtual_axis.acc_deg_s2
+        # Of an axis that is slow, or gathers speed slowly, the way stays what it is.
+        most = min(_SPEED_DEG_S, c.machine.speed.setting_max_deg_s, math.sqrt(_WAY_DEG * acc))
+        for speed in (most, -most):
             axis.ramp_to(speed, acc)
-            axis.run(_WAY_DEG / _SPEED_DEG_S - _SPEED_DEG_S / acc, speed_deg_s=speed)
+            axis.run(_WAY_DEG / most - most / acc, speed_deg_s=speed)
             axis.ramp_to(0.0, acc)
             stood.append(_standing(axis))
         axis.disable()

@@ -8,6 +8,7 @@ import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, state_name
 from gantryctl.image import DriveRequest, DriveState
+from gantryctl.machine import Machine
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.reaction import REACTION_S
 
@@ -20,6 +21,8 @@ _TURNING_DEG_S: Final = 0.1
 # Part of the speed between which the deceleration is fitted: begin and end of the ramp are rounded.
 _FITTED: Final = (0.9, 0.2)
 _LEAST_SAMPLES: Final = 3
+# To the speed of a trial stop.
+_ACC_DEG_S2: Final = 1.0
 
 
 class QuickStop(NamedTuple):
@@ -34,6 +37,11 @@ class QuickStop(NamedTuple):
     way_deg: float
     dec_deg_s2: float
     uncertainty_deg_s2: float
+
+
+def trial_acc_deg_s2(machine: Machine) -> float:
+    """Acceleration to the speed of a trial stop: no harder than the ramp of a jog key that is let go."""
+    return min(_ACC_DEG_S2, machine.virtual_axis.jog_release_dec_deg_s2)
 
 
 def permitted_way_deg(speed_deg_s: float, dec_deg_s2: float, delay_s: float = 0.0) -> float:

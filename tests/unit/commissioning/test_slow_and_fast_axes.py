@@ -1,0 +1,143 @@
+"""Steps that turn the axis, on axes other than the gantry: no faster than they may, no further than is said."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import pytest
+
+from gantryctl.commissioning import steps_motion, steps_power, steps_sign
+from gantryctl.commissioning.load_side import ring
+from gantryctl.commissioning.results import Outcome
+from gantryctl.commissioning.steps_lacks import _stop_from, ramp
+from gantryctl.image import DriveRequest
+from gantryctl.machine import Machine, with_values
+from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, context, opens
+
+pytestmark = pytest.mark.can
+
+
+def axis_with(top_deg_s: float, **changes: object) -> Machine:
+    named = {f"{table}.{key}": value for name, value in changes.items() for table, key in [name.split("__")]}
+    return with_values(MACHINE, {"speed.setting_max_deg_s": top_deg_s, **named})
+
+
+def commanded(drive: HandDrive) -> list[float]:
+    """Speeds that were commanded, deg/s of the gantry, while the drive was to follow."""
+    return [
+        math.degrees(out.vel_cmd_rad_s) / 1144 for out in drive.wrote if out.request is DriveRequest.ENABLE
+    ]
+
+
+@pytest.mark.parametrize(
+    ("top_deg_s", "speeds"),
+    [(6.0, [1.0, -1.0, 3.0, -3.0]), (2.0, [1.0, -1.0, 2.0, -2.0]), (1.2, [0.6, -0.6, 1.2, -1.2])],
+)
+def test_stops_are_shown_up_to_the_highest_setting(
+    monkeypatch: pytest.MonkeyPatch, top_deg_s: float, speeds: list[float]
+) -> None:
+    asked: list[float] = []
+
+    def stop(c: object, speed: float, decs: list[float]) -> tuple[str, float, float]:
+        asked.append(speed)
+        return f"stop {len(asked)}", 0.1, 0.1
+
+    monkeypatch.setattr(steps_motion, "_quick_stop", stop)
+    monkeypatch.setattr(steps_motion, "_silent_stop", stop)
+    monkeypatch.setattr(steps_motion, "_jog_release", lambda c, speed: 0.01)
+    steps_motion.stops(context(axis_with(top_deg_s, speed__setting_min_deg_s=0.5)))
+    assert asked == speeds
+
+
+@pytest.mark.parametrize(("release_deg_s2", "most"), [(2.0, 1.0), (0.5, 0.5)])
+@pytest.mark.parametrize("step", ["stops", "ramp"])
+def test_a_trial_stop_is_reached_no_harder_than_a_key_is_let_go(
+    monkeypatch: pytest.MonkeyPatch, step: str, release_deg_s2: float, most: float
+) -> None:
+    """From 0 to 1 deg/s; the way there and half a second of cruise lie on the leash."""
+    machine = axis_with(6.0, virtual_axis__jog_release_dec_deg_s2=release_deg_s2)
+    drive = HandDrive()
+    monkeypatch.setattr(f"gantryctl.commissioning.{'steps_lacks' if step == 'ramp' else 'steps_motion'}"
+                        ".open_loop_axis", opens(drive))  # fmt: skip
+    if step == "ramp":
+        _stop_from(context(machine), 1.0)
+    else:
+        steps_motion._quick_stop(context(machine), 1.0, [])
+    speeds = commanded(drive)
+    assert max(abs(b - a) for a, b in itertools.pairwise(speeds)) == pytest.approx(most * PERIOD_S, rel=0.01)
+    # 0.3 deg to spare; the stop with 60 ms before it.
+    dec = release_deg_s2 if step == "ramp" else MACHINE.virtual_axis.quick_dec_deg_s2
+    assert drive.leashes[0][0] == pytest.approx(0.5 / most + 0.5 + 0.5 / dec + 0.06 + 0.3, abs=1e-6)
+
+
+def test_an_axis_slower_than_the_slowest_trial_shows_its_ramp_from_its_highest_setting(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from unit.commissioning.test_ramps_by_hand import Ramps
+
+    ramps = Ramps(monkeypatch)
+    slow = axis_with(0.2, speed__setting_min_deg_s=0.02, speed__creep_deg_s=0.01,
+                     monitors__velocity_deviation_deg_s=0.1)  # fmt: skip
+    assert ramp(context(slow)).outcome is Outcome.PASSED
+    assert ramps.speeds == [0.2]
+
+
+@pytest.mark.parametrize("creep_deg_s", [0.02, 0.1, 1.0])
+@pytest.mark.parametrize("acc_deg_s2", [0.393, 5.0])
+def test_the_step_to_creep_speed_ends_within_the_degree_that_it_says(
+    step: Any, creep_deg_s: float, acc_deg_s2: float
+) -> None:
+    """A creep of 1 deg/s with 0.393 deg/s2 would take 2.5 deg to be reached and left."""
+    drive = HandDrive()
+    drive.machine = axis_with(6.0, speed__creep_deg_s=creep_deg_s, virtual_axis__acc_deg_s2=acc_deg_s2)
+    found = step(steps_power, "velocity", drive)
+    assert found.outcome is Outcome.PASSED
+    # A scan or two more, by rounding up.
+    assert 0.09 < drive.deg < 1.01
+    assert drive.deg < drive.leashes[0][0] <= 1.2
+    fastest = max(commanded(drive))
+    # sqrt(0.5 deg x 0.393 deg/s2)
+    assert fastest == pytest.approx(min(creep_deg_s, math.sqrt(0.5 * acc_deg_s2)), rel=1e-6)
+    assert found.number("speed_deg_s") == pytest.approx(fastest, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("top_deg_s", "acc_deg_s2", "most"), [(6.0, 0.393, 0.3), (0.2, 0.393, 0.2), (6.0, 0.05, 0.2739)]
+)
+def test_the_ring_is_turned_by_its_way_whatever_the_axis_can(
+    monkeypatch: pytest.MonkeyPatch, top_deg_s: float, acc_deg_s2: float, most: float
+) -> None:
+    """1.5 deg: with 0.05 deg/s2 it is half ramp up and half ramp down, with a peak of sqrt(0.075)."""
+    changes: dict[str, object] = {"virtual_axis__acc_deg_s2": acc_deg_s2}
+    if top_deg_s < 1.0:
+        changes |= {"speed__setting_min_deg_s": 0.02, "speed__creep_deg_s": 0.01,
+                    "monitors__velocity_deviation_deg_s": 0.1}  # fmt: skip
+    machine = with_values(
+        axis_with(top_deg_s, **changes), {"can.load_encoder.source": "node", "can.load_encoder.node": 4}
+    )
+    drive = HandDrive()
+    stood: list[float] = []
+
+    def standing(axis: Any) -> Any:
+        stood.append(axis.angle_deg)
+        return ring._Standing(axis.angle_deg, axis.angle_deg)
+
+    monkeypatch.setattr(ring, "open_loop_axis", opens(drive))
+    monkeypatch.setattr(ring, "_standing", standing)
+    assert ring.ring(context(machine)).outcome is Outcome.PASSED
+    # A scan or two at the peak more.
+    assert stood == pytest.approx([0.0, 1.5, 0.0], abs=0.006)
+    assert max(map(abs, commanded(drive))) == pytest.approx(most, abs=1e-4)
+
+
+def test_a_ceiling_that_is_lower_than_that_of_the_sign_test_stays(step: Any) -> None:
+    """6080 of an axis of 0.27 deg/s is 52 r/min, that of the test 0.6 deg/s, 115 r/min."""
+    drive = HandDrive()
+    drive.sdo.values[0x6080] = 52
+    seen: list[int] = []
+    drive.spoil = lambda feedback: (seen.append(drive.sdo.values[0x6080]), feedback)[1]
+    step(steps_sign, "sign", drive)
+    assert set(seen) == {52}
+    assert drive.sdo.values[0x6080] == 52
