@@ -105,7 +105,7 @@ struct DriveCommand {
         torque_ff_nm(torque_ff) {}
 };
 
-// Error of the encoder at an angle: its disc off the axis, and sine and cosine tracks that are none
+// Error of the encoder at an angle: its disc off the axis, and sine and cosine tracks out of shape
 // (offset: one wave per signal period; amplitudes and quadrature: two; Heydemann 1981). Whole turns and
 // periods are taken off first: sine and cosine want a small argument.
 template <class T>

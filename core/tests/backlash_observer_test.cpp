@@ -118,7 +118,7 @@ TEST(BacklashObserver, learns_nothing_at_rest_or_without_a_torque) {
   for (int k = 0; k < 5000; ++k) observe_backlash(p, kRatio, {1e-4 * k, 0.1, 0.0}, 1e-4 * k, kNaN, k > 0, t);
   EXPECT_EQ(t.bank[3].misfit, 0.0);
   EXPECT_EQ(t.backlash_change_rad, 0.0);
-  // Angles that are none, and one that comes back a scan later.
+  // Angles of NaN, and one that comes back a scan later.
   for (int k = 0; k < 10; ++k)
     observe_backlash(p, kRatio, {0.5 + 1e-4 * k, 0.1, 0.0}, k < 9 ? kNaN : 0.501, 20.0, true, t);
   EXPECT_TRUE(std::isfinite(t.motor_last_rad) && std::isfinite(t.bank[3].twist_rad));

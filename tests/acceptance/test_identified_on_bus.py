@@ -117,7 +117,7 @@ def test_a_machine_identified_over_its_bus_holds_its_load(
     assert figures["a_improved_deg"] <= 0.0025
     assert figures["load_speed_error_improved_0_90_deg_s"] <= LOAD_ERROR_DEG_S
     assert figures["load_speed_error_improved_m90_90_deg_s"] <= LOAD_ERROR_DEG_S
-    # A calibration of another drive's encoder is none of this machine.
+    # A calibration of another drive's encoder does not belong to this machine.
     origin = calibration.origin.model_copy(update={"encoder_serial": "CAN-other"})
     with pytest.raises(ConfigError, match="CAN-other"):
         AxisRun(IMPROVED.calibrated(calibration.model_copy(update={"origin": origin})), None)

@@ -138,7 +138,7 @@ def test_effects_beyond_the_reference_machine_are_off_absent_and_on_there(switch
 
 
 def test_friction_without_levels_is_friction_switched_off() -> None:
-    """Fc = Fs = Fv = 0, friction still "present": no torque, no number that is none."""
+    """Fc = Fs = Fv = 0, friction still "present": no torque, and no NaN."""
     for name, levels in (
         ("roller_friction", ("roller_coulomb_nm", "roller_breakaway_nm", "roller_viscous_nm_s_per_rad")),
         (

@@ -371,7 +371,7 @@ RULES: Final[dict[type, Rules]] = {
         fixed="_alarms _half_scans _lasts_scans _period_s limit_rad_s",
         special={"_scan": _swing},
     ),
-    # By these settings a reading may stand for ever, and the stub gives no torque against its motion.
+    # By these settings a reading may stand without end, and the stub gives no torque against its motion.
     Liveness: Rules(
         clock="_at _counts _jumped _scan _slowest _still _stood_nm _torque_nm _torque_scan _tries _vel "
         "dithers vel_rad_s",

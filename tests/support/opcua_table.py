@@ -34,7 +34,7 @@ NOT_THERE = set(ALL) - {
 
 
 def status_of(service: str, state: str) -> str:
-    """What the table allows: `state` is none (a channel without security), open, created or active."""
+    """What the table allows: `state` is "none" (a channel without security), open, created or active."""
     if service in DISCOVERY:
         return "Good"
     if state == "none":

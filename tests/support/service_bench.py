@@ -65,7 +65,7 @@ class Bench:
         assert isinstance(program, GantryProgram)
         self.program, self.axis = program, program.axis
         self.words = memoryview(bytearray(512)).cast("Q")
-        self.words[Word.RECORDER_NS] = 2**62  # alive for ever
+        self.words[Word.RECORDER_NS] = 2**62  # always alive
         self.operator = ServiceOperator(
             machine,
             program,

@@ -1,4 +1,4 @@
-"""Branches of the core as gcov tells them: instances of a template are one, calls that could throw are none."""
+"""Branches of the core as gcov tells them: instances of a template are one, calls that could throw do not count."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ export function speedText(deg_s: number | null | undefined, decimals: number): s
   return `${num(deg_s, decimals)} °/s (${num(rpm(deg_s), decimals + 1)} r/min)`;
 }
 
-/** A number typed by a person: comma or point, any minus; null when it is none. */
+/** A number typed by a person: comma or point, any minus; null when it is not a number. */
 export function typed(text: string): number | null {
   const clean = text.trim().replace(',', '.').replace('−', '-');
   return /^[+-]?(\d+\.?\d*|\.\d+)$/.test(clean) ? Number(clean) : null;

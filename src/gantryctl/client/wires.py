@@ -54,7 +54,7 @@ class WebSocketWire:
         try:
             connecting = connect(
                 address.replace("http", "ws", 1) + path,
-                # The service takes no connection of a foreign page, and a script is none.
+                # The service takes no connection of a foreign page; a script is not a page.
                 origin=Origin(address),
                 additional_headers={"Cookie": cookie},
                 ssl=trust,

@@ -26,7 +26,7 @@ _ENDS_AT: Final = _HEADER.size + 4
 _UID_AT: Final = _ENDS_AT + _ENDS.size + len(_ANY_COOKIE) + 12
 _ESTABLISHED: Final = 1
 _TIMEOUT_S: Final = 0.2
-# Headers of a proxy that says so (RFC 7239, RFC 9110 section 7.6.3, and what is used beside them).
+# Headers by which a proxy names itself (RFC 7239, RFC 9110 section 7.6.3, and what is used beside them).
 _FORWARDED: Final = frozenset(
     {b"forwarded", b"via", b"x-forwarded-for", b"x-forwarded-host", b"x-forwarded-proto", b"x-real-ip"}
 )

@@ -243,7 +243,7 @@ def test_after_the_run_ctrl_c_is_python_s_again() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-# --- programs of one's own
+# --- custom programs
 # --------------------------------------------------------------------------------------------
 
 PROGRAMS = """

@@ -28,7 +28,7 @@ class Room:
 
     def __init__(self, work: Commissioning, **options: bool) -> None:
         self.memory = SharedMemory.create()
-        self.memory.words[Word.RECORDER_NS] = 2**62  # alive for ever
+        self.memory.words[Word.RECORDER_NS] = 2**62  # always alive
         self.now_s, self._seq, self.lively = 100.0, 0, True
         self.work, self.board = work, Board(self.memory)
         self.desk = Desk(

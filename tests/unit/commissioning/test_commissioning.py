@@ -134,7 +134,7 @@ def test_a_wrong_sign_is_found_within_the_leash(tmp_path: Path, quirky) -> None:
 
 
 def test_a_wrong_unit_of_speed_is_found(tmp_path: Path, quirky) -> None:
-    """The file says inc/s and the drive says so too, but it is 1.5 times faster: nothing but motion shows it."""
+    """The file says inc/s and so does the drive, but it is 1.5 times faster: nothing but motion shows it."""
 
     def too_fast(node) -> None:
         node.scaling.per_rad_s /= 1.5

@@ -44,7 +44,7 @@ def test_the_page_shows_what_the_drive_shows(name: str, brake_open: bool) -> Non
     assert (tags["pos_act_deg"], tags["vel_act_deg_s"], tags["torque_act_nm"]) == (-90.25, 0.5, -12.5)
     assert (tags["brake_open"], tags["drive_state"]) == (brake_open, DriveState.SWITCHED_ON)
     assert tags["brake_open_cmd"] == brake_open
-    # An angle that nobody knows is none.
+    # An angle that nobody knows is not shown.
     lost = fast_tags(MACHINE, Seen(None, None, drive), moves=True, holds_load=False)
     assert math.isnan(lost["pos_act_deg"])
     assert (lost["pos_ref_deg"], tags["pos_ref_deg"]) == (0.0, -90.25)

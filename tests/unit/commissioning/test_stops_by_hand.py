@@ -549,7 +549,7 @@ def test_without_sync_state_and_position_are_asked_for_in_turn() -> None:
 
 
 def test_a_position_by_sdo_has_its_sign() -> None:
-    """Behind 0 the drive counts backwards: -5 is FFFFFFFBh. An answer of another length is none."""
+    """Behind 0 the drive counts backwards: -5 is FFFFFFFBh. An answer of another length does not count."""
     drive, axis, _ = silent_fault()
     taken: list[int] = []
     drive.process.counts, drive.process.take_position = 7, taken.append

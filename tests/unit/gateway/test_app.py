@@ -132,7 +132,7 @@ def test_strangers_of_an_address_take_nothing_from_whoever_is_logged_in_there(ap
     assert 429 in statuses(f"{API}/health")
     assert [ask(app, "GET", f"{API}/status", here, cookie)[0] for _ in range(20)] == [200] * 20
     assert 429 not in statuses("/test_app.py")
-    # A session floods nobody but itself, and an invented one is none.
+    # A session floods nobody but itself, and an invented one counts nothing.
     assert 429 in statuses(f"{API}/health", cookie=cookie)
     assert 429 in statuses(f"{API}/health", cookie="0" * 32)
     assert log_in()[0] == 200

@@ -415,7 +415,7 @@ MONITORS: dict[str, tuple[Acts, float]] = {
     "heavy load": (is_heavy, 0.6 * 257.0),
     "load that is too heavy": (is_too_heavy, 0.9 * 257.0),
     "torque while off": (has_torque_while_off, 0.1 * 257.0),
-    "torque that is none": (has_torque, 0.02 * 257.0),
+    "torque of NaN": (has_torque, 0.02 * 257.0),
     "deviation without torque": (loses_its_torque, 0.1 * rad(0.5)),
     "deviation as the torque goes": (loses_its_torque_at_once, 0.1 * rad(0.5)),
     "torque of a standing count": (stands_under_torque, 15.0),

@@ -479,7 +479,7 @@ def test_a_brake_test_shows_its_figures_and_its_end(outcome: object, shown: set[
     block(execute=False)
     assert (outputs_of_test(block), block.attention) == (set(), False)
     assert axis.orders == [("test",)]
-    # The next one knows nothing of it; a second edge on the way is none.
+    # The next one knows nothing of it; a second edge on the way starts nothing.
     for execute in (True, False, True):
         block(execute=execute)
         assert (outputs_of_test(block), len(axis.orders)) == ({"busy"}, 2)

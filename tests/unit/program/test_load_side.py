@@ -1,4 +1,4 @@
-"""The axis with compensations: two encoders that disagree, a reading that is none, a new reference."""
+"""The axis with compensations: two encoders that disagree, a reading of NaN, a new reference."""
 
 from __future__ import annotations
 

@@ -234,7 +234,7 @@ def test_a_jump_soon_after_late_telegrams_is_caught():
     assert rig.first.code == "ENC-01"
 
 
-# --- numbers that are none ------------------------------------------------------------------------
+# --- NaN and infinity -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

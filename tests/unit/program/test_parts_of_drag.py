@@ -210,7 +210,7 @@ def test_a_speed_on_one_side_and_swings_with_half_a_second_between_them_are_none
 
 @BOTH
 def test_a_reset_forgets_what_dragged_before(way):
-    """200 N m beyond any load warn after 1.15 s: twice a second with a reset between them are none."""
+    """200 N m beyond any load warn after 1.15 s: twice a second with a reset between them warn of nothing."""
     parts = Parts()
     watch = Monitors(parts.settings, parts.feedback, parts.virtual, parts.holding, parts.alarms)
     watch.drag.model.add = lambda *_: None

@@ -187,7 +187,7 @@ def test_more_torque_than_asked_for_against_the_turn_of_the_shaft_is_no_wrong_to
 
 @PERIODS
 def test_drive_that_opens_the_brake_itself(period_s):
-    """No proof is possible then; the sequence is accepted, the sag watched, and the report says so."""
+    """No proof is possible then; the sequence is accepted, the sag watched, and the report mentions it."""
     rig = Rig(config=settings(brake_by_drive=True, period_s=period_s))
 
     def own_brake(drive):

@@ -131,7 +131,7 @@ def test_a_missing_permit_cannot_be_reset():
 
 
 def test_a_held_key_does_not_go_on_when_the_permit_is_back():
-    """Hold-to-run: a new press is a new motion, a key that was held all the time is none."""
+    """Hold-to-run: a new press is a new motion, a key that was held all the time is not."""
     rig = powered()
     rig.drive.inputs = CLOSED
     rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(0.6))

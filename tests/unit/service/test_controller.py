@@ -59,7 +59,7 @@ class Desk:
         self.operator.now = lambda: self.engine.time_s
         self.operator.frames.start_s = 0.0
         self.permit = made.permit
-        memory.words[Word.RECORDER_NS] = 2**62  # a recorder that is alive for ever
+        memory.words[Word.RECORDER_NS] = 2**62  # a recorder that is always alive
         self.seq = 0
 
     def scans(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""What goes on moving and who lets it: pauses by the override, the enabling switch, a key held for ever."""
+"""What goes on moving and who lets it: pauses by the override, the enabling switch, a key that is never released."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_slow_motion_needs_no_enabling_switch_and_the_speed_setting_counts_not_t
     assert bench.refused(who, "jog", lease=LEASE, direction="forward") == "INT-05"
 
 
-# --- a key that is held for ever ------------------------------------------------------------------
+# --- a key that is never released -----------------------------------------------------------------
 
 
 def test_a_page_that_is_stuck_and_goes_on_renewing_stops_after_30_s() -> None:

@@ -26,7 +26,7 @@ def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_a_recorder_goes_on_until_it_is_told_to_end(now: list[float]) -> None:
-    """Also where nobody is left: whoever started it says so."""
+    """Also where nobody is left: whoever started it reports it."""
     others = Others(-1, 1)
     now[0] += 1e6
     assert not others.look(ending=False)

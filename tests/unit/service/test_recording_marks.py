@@ -27,7 +27,7 @@ class Desk:
 
     def __init__(self, store: StateStore) -> None:
         self.memory = SharedMemory.create()
-        self.memory.words[Word.RECORDER_NS] = 2**62  # a recorder that is alive for ever
+        self.memory.words[Word.RECORDER_NS] = 2**62  # a recorder that is always alive
         self.made = made = Controller(MACHINE, store, self.memory)
         self.axis, self.engine = made.axis, made.engine
         made.engine.clock = VirtualClock()

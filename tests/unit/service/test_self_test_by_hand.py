@@ -265,7 +265,7 @@ def test_all_journals_are_waited_for_and_those_without_it_are_named(
 
 
 def test_a_service_runs_where_somebody_listens(tmp_path: Path) -> None:
-    """A socket that a killed service has left behind is none, and other machines have none."""
+    """A socket that a killed service has left behind does not count, and neither do other machines."""
     for name in ("alive", "dead", "other"):
         (tmp_path / name).mkdir()
     with socket.socket(socket.AF_UNIX) as alive, socket.socket(socket.AF_UNIX) as dead:

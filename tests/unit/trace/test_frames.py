@@ -272,7 +272,7 @@ def test_a_full_disk_costs_the_log_and_is_told(tmp_path: Path) -> None:
 
 
 def test_a_disk_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
-    # Nobody reads the pipe: it takes 64 KiB, and the write after that waits for ever.
+    # Nobody reads the pipe: it takes 64 KiB, and the write after that waits without end.
     path = tmp_path / "pipe.log"
     os.mkfifo(path)
     reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)

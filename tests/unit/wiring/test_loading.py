@@ -109,7 +109,7 @@ def test_the_gateway_loads_neither_machine_nor_program() -> None:
 
 
 def test_the_wiring_has_no_classes() -> None:
-    """It chooses parts and is none itself: a class there would be a part that nobody finds."""
+    """It chooses parts and is not one itself: a class there would be a part that nobody finds."""
     for file in Path(gantryctl.wiring.__path__[0]).glob("*.py"):
         classes = [
             n.name

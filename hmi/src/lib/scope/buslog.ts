@@ -10,7 +10,7 @@ const LINE = /^\((\d+\.\d+)\) (\S+) ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#([0-9A-Fa-f]
 /** Two minutes of a bus with 16 telegrams every 10 ms. */
 export const TELEGRAMS_MAX = 200_000;
 
-/** The telegrams of a log, at most `TELEGRAMS_MAX`; empty for what is none. */
+/** The telegrams of a log, at most `TELEGRAMS_MAX`; empty for any other text. */
 export function telegrams(text: string): Telegram[] {
   const found: Telegram[] = [];
   for (const line of text.split('\n')) {
@@ -23,7 +23,7 @@ export function telegrams(text: string): Telegram[] {
   return found;
 }
 
-/** Identifiers that a person asks for, `181, 201`; null for a text that is none, empty for all. */
+/** Identifiers that a person asks for, `181, 201`; null for any other text, empty for all. */
 export function identifiers(text: string): Set<number> | null {
   const parts = text.split(/[\s,;]+/).filter(Boolean);
   if (!parts.every((part) => /^(0x)?[0-9a-f]{1,8}$/i.test(part))) return null;

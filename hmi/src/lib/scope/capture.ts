@@ -47,7 +47,7 @@ export function toFile(capture: Capture): string {
   return JSON.stringify({ format: FORMAT, version: VERSION, ...capture });
 }
 
-/** The capture of a file; null for what is none. */
+/** The capture of a file; null for any other file. */
 export function fromFile(text: string): Capture | null {
   try {
     const found = JSON.parse(text) as Partial<Capture> & { format?: unknown; version?: unknown };

@@ -92,7 +92,7 @@ def profile(
 def _check_options(
     machine: Machine, ends_deg: tuple[float, float], bases_um: tuple[float, ...], after_um: float | None
 ) -> None:
-    """Refuse a move that is none and a limit that leaves nothing."""
+    """Refuse a move of 0 deg and a limit that leaves nothing."""
     from gantryctl.errors import UsageError
 
     low, high = machine.axis.pos_min_deg, machine.axis.pos_max_deg

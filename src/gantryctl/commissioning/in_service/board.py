@@ -68,7 +68,7 @@ class Board:
         """The step with that key.
 
         Raises:
-            MessageRefused: it is none that the page offers.
+            MessageRefused: the page does not offer it.
         """
         found = self._steps.get(key)
         if found is None:

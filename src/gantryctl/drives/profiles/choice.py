@@ -27,7 +27,7 @@ def load_profile(name: str) -> DriveProfile:
     """A shipped profile by its name, or one of the user by its file.
 
     Raises:
-        UsageError: there is no such profile. ConfigError: the file is none.
+        UsageError: there is no such profile. ConfigError: the file is not a profile.
     """
     if name.lower().endswith(".toml"):
         return read_profile(Path(name))

@@ -79,7 +79,7 @@ def accuracy_report(
         created: a date for the page, or "".
 
     Raises:
-        UsageError: a stop of the procedure lies outside the travel, or a speed is none of the axis.
+        UsageError: a stop of the procedure lies outside the travel, or the axis does not have a speed of it.
     """
     # A speed that the axis cannot have must not end a test of a minute.
     speeds = speeds_to_test(machine, job.speeds_deg_s) if job.with_speed_test else ()

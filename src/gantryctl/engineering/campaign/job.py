@@ -121,7 +121,7 @@ class _Run:
         self.figures: Figures = {}
 
     def keep(self, test: str, control: str, found: Figures | None) -> None:
-        """Keep what a test has found; a figure that is not finite is none."""
+        """Keep what a test has found; a figure that is not finite is left out."""
         if found is None or not np.all(np.isfinite(list(found.values()))):
             self.refused_by = self.refused_by or test
         else:

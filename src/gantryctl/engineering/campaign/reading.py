@@ -254,18 +254,18 @@ class _Reader:
         for name in (name for name in chosen if name not in named):
             near = difflib.get_close_matches(name, named, 1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            self._say(f"[improved] variants: {show_value(name)} is none of {', '.join(named)}{hint}")
+            self._say(f"[improved] variants: {show_value(name)} is not one of {', '.join(named)}{hint}")
         return tuple(Control(name, named[name]) for name in chosen if name in named)
 
     def _check_tests(self, machine: Machine) -> None:
         order = self.settings.campaign
         for test in (test for test in order.tests if test not in TESTS):
-            self._say(f"[campaign] tests: {show_value(test)} is none of {', '.join(TESTS)}")
+            self._say(f"[campaign] tests: {show_value(test)} is not one of {', '.join(TESTS)}")
         known = [name for test in order.tests if test in TESTS for name in TESTS[test].outputs]
         for name in (name for name in order.outputs if name not in known):
             near = difflib.get_close_matches(name, known, 1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            self._say(f"[campaign] outputs: {show_value(name)} is none of {', '.join(known)}{hint}")
+            self._say(f"[campaign] outputs: {show_value(name)} is not one of {', '.join(known)}{hint}")
         if "chord_test" in order.tests:
             try:
                 chord_test(machine, self.settings.chord_test.procedure)
@@ -290,7 +290,7 @@ class _Reader:
             if figures and name not in figures:
                 near = difflib.get_close_matches(name, figures, 1)
                 hint = f"; did you mean {near[0]}?" if near else ""
-                self._say(f"[limits] {printable(name)}: is none of {', '.join(figures)}{hint}")
+                self._say(f"[limits] {printable(name)}: is not one of {', '.join(figures)}{hint}")
                 continue
             right = isinstance(limits, list) and limits and all(_is_limit(limit) for limit in limits)
             if not right:

@@ -185,7 +185,7 @@ class _Reader:
         allowed = ("meaning", "together", *_HOW)
         for key in (key for key in row if key not in allowed):
             self.problems.append(
-                f"{self._place(name)} {printable(key)}: is none of {', '.join(allowed)}{_near(key, allowed)}"
+                f"{self._place(name)} {printable(key)}: is not one of {', '.join(allowed)}{_near(key, allowed)}"
             )
         if not isinstance(row.get("meaning", ""), str):
             self.problems.append(

@@ -13,7 +13,7 @@ from gantryctl.machine.schema import MACHINE_LINE, SHEET_LINE
 from gantryctl.machine.specs import FieldSpec
 
 _ORIGINS: Final = """\
-# Behind each value: unit, origin, rule. "sheet": the requirement sheet says so. "catalogue": the motor's file.
+# Behind each value: unit, origin, rule. "sheet": of the requirement sheet. "catalogue": the motor's file.
 # "computed": by the rule behind it. "choice": a decision that fits any axis. "guess": nobody has measured or decided it
 # yet; the rows of `guesses` below name all of them. Replace a guess by what you know and delete its row."""
 

@@ -165,7 +165,7 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
-        # A parent that was killed tells nobody; without this its workers would wait for work for ever.
+        # A parent that was killed tells nobody; without this its workers would wait for work without end.
         os._exit(1)
 
 

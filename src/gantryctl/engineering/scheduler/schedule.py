@@ -17,7 +17,7 @@ CHUNK_MIN_S: Final = 1.0
 CHUNK_MAX_S: Final = 300.0
 # A long run is cut into so many chunks for each worker: few enough for their files, enough to end together.
 _PARTS: Final = 100
-# A row that takes its worker with it each time would go round for ever.
+# A row that takes its worker with it each time would be tried without end.
 _LOST_MAX: Final = 8
 _POLL_S: Final = 0.5
 

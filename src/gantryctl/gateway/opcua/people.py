@@ -33,7 +33,7 @@ class People(UserManager):
     """The users of the service; every role may read.
 
     Failures lock the pair of account and client out, and a client is known by its certificate: nobody can lock an
-    account for others, and a lock here is none on the page.
+    account for others, and a lock here does not lock the page.
     """
 
     def __init__(self, known: users.Users, events: EventLog) -> None:

@@ -68,7 +68,7 @@ def judge_identity(body: Bounded) -> None:
     """Look at the identity token in the parameters of ActivateSession.
 
     Raises:
-        ServiceError: it is none.
+        ServiceError: it is not a range.
     """
     struct_from_binary(ua.SignatureData, body)
     for part in (ua.SignedSoftwareCertificate, None):

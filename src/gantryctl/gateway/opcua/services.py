@@ -35,7 +35,7 @@ CREATE, ACTIVATE, CLOSE = (
     ua.ObjectIds.ActivateSessionRequest_Encoding_DefaultBinary,
     ua.ObjectIds.CloseSessionRequest_Encoding_DefaultBinary,
 )
-# Services that change something: nobody may, and the status says so. All others are not there.
+# Services that change something: nobody may, and the status reports it. All others are not there.
 CHANGES: Final = _named(
     "Write", "Call", "HistoryUpdate", "AddNodes", "DeleteNodes", "AddReferences", "DeleteReferences"
 )

@@ -67,7 +67,7 @@ REFUSALS: Final = (
     Definition(
         Code.CTL_16, _REF, Reaction.REF,
         Text("No mode chosen", "{reason}",
-             "After a start the mode is none and nothing moves.", "Choose continuous or incremental."),
+             "After a start no mode is chosen and nothing moves.", "Choose continuous or incremental."),
         Text("未选择模式", "{reason}", "启动后模式为“无”，不会有任何运动。",
              "选择连续或增量模式。"),
     ),

@@ -50,7 +50,7 @@ def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
 def check_destination(
     here_rad: float, target_rad: float, direction: Direction | None, travel: TravelSettings
 ) -> Refusal | None:
-    """Refuse an angle that is none of the axis, or a direction that it does not have.
+    """Refuse an angle or a direction that the axis does not have.
 
     A linear axis has one way to an angle, so a direction is refused. To a modulo axis an angle is a place of its turn;
     beyond +-360 deg it may have been meant as a way, so it is refused.

@@ -52,7 +52,7 @@ class Oscillation:
         elif side != self._side:
             self._turns += 1
             lasted = now - self._began
-            # At least one full swing: a single shock there and back is none.
+            # At least one full swing: a single shock there and back is no oscillation.
             if self._turns > 2 and lasted >= self._lasts_scans:
                 time_s = lasted * self._period_s
                 rate = 0.5 * self._turns / time_s

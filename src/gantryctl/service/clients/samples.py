@@ -48,7 +48,7 @@ class Samples:
 
         Returns:
             `from` and `next`, numbers of the first row and of the one after the last; `newest`, that of the one that
-            comes next; `newest_s`, nominal time of the row before it, None where it is none, and `utc_s`, the wall
+            comes next; `newest_s`, nominal time of the row before it, None where it is not known, and `utc_s`, the wall
             clock then: together they say when a row was; `period_s` of the scan, None before the first start of the
             controller; `tags`, the values by tag, null for an unknown one, `time_s` and the tags that a recording has
             as columns.

@@ -19,7 +19,7 @@ class RoundTrip:
         self._samples: deque[tuple[float, float]] = deque()
 
     def take(self, age_s: float, now_s: float) -> None:
-        """Take the age of the frame that a command has named; nan, of an unknown frame, is none."""
+        """Take the age of the frame that a command has named; nan, of an unknown frame, counts nothing."""
         if not age_s >= 0.0:
             return
         while self._samples and self._samples[-1][0] >= age_s:

@@ -68,7 +68,7 @@ def unpacked(record: bytes) -> BusFrame | FrozenAt | LinkOpened:
     """What a record of the ring says.
 
     Raises:
-        ValueError: it is none of `RingFrames`.
+        ValueError: it was not made by `RingFrames`.
     """
     try:
         time_s, can_id, number, length, data = _RECORD.unpack(record)

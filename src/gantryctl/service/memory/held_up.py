@@ -1,4 +1,4 @@
-"""A process that did not run for a time says so itself: stopped, starved, or with a disk that hangs."""
+"""A process that did not run for a time reports that itself: stopped, starved, or with a disk that hangs."""
 
 from __future__ import annotations
 

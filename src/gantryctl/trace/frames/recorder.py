@@ -81,7 +81,7 @@ class _Frozen:
 class FrameRecorder:
     """Keeps the latest frames and writes files of them: in a thread, or in virtual time by itself.
 
-    A file that cannot be written is given up; the axis goes on, and `faults` says so.
+    A file that cannot be written is given up; the axis goes on, and `faults` reports it.
 
     Args:
         log: file of all frames, made when the first link is opened; None for none.

@@ -96,7 +96,7 @@ def test_a_frame_that_was_not_sent_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     assert link.send(0x202, b"") is False
 
 
-def test_frames_that_never_come_back_are_not_kept_for_ever() -> None:
+def test_frames_that_never_come_back_are_dropped_behind_256() -> None:
     """An interface that gives no frame back after all: 256 of them at the most are waited for."""
     link = BusLink(Scripted(), echoes=True)
     for number in range(1000):

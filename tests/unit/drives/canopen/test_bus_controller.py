@@ -145,7 +145,7 @@ def test_bus_off_is_named_by_its_alarm() -> None:
     rig = BusRig(bus_machine()).power_up()
     bus = rig.drive.link._bus
     true_send = bus.send
-    # The kernel takes frames that never reach the bus, and says so once.
+    # The kernel takes frames that never reach the bus, and reports it once.
     bus.send = lambda msg, timeout=None: None
     bus._waiting.append(can.Message(arbitration_id=BUS_OFF, data=bytes(8), is_error_frame=True))
     rig.run(1.0)

@@ -295,7 +295,7 @@ def test_a_bus_that_goes_down_in_motion_and_comes_back_never_moves_the_axis_agai
 def test_a_node_that_leaves_operational_is_noticed() -> None:
     bench = Bench().open().enable()
     bench.event("nmt", state="PRE_OPERATIONAL")
-    seen = [bench.scan().link for _ in range(20)]  # its next heartbeat says so: 50 ms
+    seen = [bench.scan().link for _ in range(20)]  # its next heartbeat reports it: 50 ms
     assert any(flags & LinkFlag.NOT_OPERATIONAL for flags in seen)
 
 

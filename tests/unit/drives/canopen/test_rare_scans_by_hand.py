@@ -503,7 +503,7 @@ def test_a_telegram_behind_frames_that_could_not_be_read_is_counted_as_late() ->
 
 
 def test_behind_a_silence_the_program_begins_anew() -> None:
-    """Boot-ups and contradictions of the silence are none of its own."""
+    """Boot-ups and contradictions of the silence are not its own."""
     bench = Bench().open().enable()
     bench.drive.resume()
     assert not bench.drive.commanded

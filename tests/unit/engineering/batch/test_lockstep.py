@@ -95,7 +95,7 @@ def test_an_experiment_that_fails_is_an_exception_in_its_place() -> None:
 
 
 def test_a_run_that_the_core_refuses_comes_back_to_those_who_asked() -> None:
-    """Whoever computes the runs of all must not leave the others waiting for ever."""
+    """Whoever computes the runs of all must not leave the others waiting without end."""
     axis = loop()
 
     def refused(run: Runner) -> None:

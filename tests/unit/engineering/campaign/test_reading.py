@@ -106,10 +106,10 @@ def test_a_wrong_file_is_refused_with_a_line_that_says_what_to_do(name: str, mad
 @pytest.mark.parametrize(
     ("order", "said"),
     [
-        ('tests = ["chord"]', "tests: .chord. is none of chord_test, speed_test"),
+        ('tests = ["chord"]', "tests: .chord. is not one of chord_test, speed_test"),
         (
             'tests = ["stops"]\noutputs = ["a_true_deg"]',
-            "outputs: .a_true_deg. is none of quick_stop_angle_deg",
+            "outputs: .a_true_deg. is not one of quick_stop_angle_deg",
         ),
         (
             'machine = "nowhere.toml"',

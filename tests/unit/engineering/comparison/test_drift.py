@@ -60,7 +60,7 @@ def test_a_row_sets_multiplies_and_adds_and_keeps_the_calibration() -> None:
         ("[row.a.times]\nplant.wind.moment_nm = 2.0\n", "moment_nm: is 0 in hust_improved"),
         ('[row.a.plus]\nplant.load.mass_kg = "1"\n', 'mass_kg = "1": must be a number'),
         ("[row.a.set]\nplant.load.mass_kg = -1.0\n", r"\[row\.a\]: \[plant\.load\] mass_kg = -1(\.0)?: allowed"),
-        ("[row.a.sets]\nplant.load.mass_kg = 1.0\n", r"\[row\.a\] sets: is none of .*did you mean set\?"),
+        ("[row.a.sets]\nplant.load.mass_kg = 1.0\n", r"\[row\.a\] sets: is not one of .*did you mean set\?"),
         ("[row.a]\nmeaning = 3\n" + MOMENT, "meaning = 3: must be text in quotes"),
         (MOMENT + '[row.b]\ntogether = ["moment"]\n', "must be the names of at least two rows"),
         (MOMENT + '[row.b]\ntogether = ["moment", "momnt"]\n', "did you mean moment"),

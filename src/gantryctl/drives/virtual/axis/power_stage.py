@@ -160,7 +160,7 @@ class PowerStage:
             case Phase.STOPPING | Phase.HOLDING | Phase.CLOSING:
                 self._reference.vel_rad_s = 0.0
                 dec_rad_s2 = self._reference.deceleration(self._ramp)
-                # A ramp of 0, the default of some drives, is none: as hard as the torque limit allows.
+                # A ramp of 0, the default of some drives, is no ramp: as hard as the torque limit allows.
                 if self._ramp is Ramp.LIMIT or not dec_rad_s2:
                     return _STAND
                 self._plant.set_ramp(dec_rad_s2)

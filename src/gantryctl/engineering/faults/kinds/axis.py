@@ -98,7 +98,7 @@ def _sign(target: Target) -> Undo:
 
 @kind(Place.DRIVE, "ignore_target")
 def _ignore_target(target: Target) -> Undo:
-    """Drive keeps its speed and says so (bit 12 = 0)."""
+    """Drive keeps its speed and reports it (bit 12 = 0)."""
     return standing(target, "ignore_target", True)
 
 

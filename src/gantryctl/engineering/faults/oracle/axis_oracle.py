@@ -336,7 +336,7 @@ class AxisOracle:
         if known.of_feedback(now.ms):
             kind = StopClass.FEEDBACK
         else:
-            # What is told as a quick stop when the torque is off already is none.
+            # What is told as a quick stop when the torque is off already is a torque off.
             quick = StopClass.NO_RAMP if known.no_ramp else StopClass.QUICK
             kind = quick if first.reaction is _STOPS and self.energised else StopClass.TORQUE_OFF
         onset = known.recent_onset(now.ms)

@@ -75,7 +75,7 @@ class Load:
                 self.off_unjudged = False
             elif true.ms - self._off_ms > _TOLD_MS and not self._known.stands_still:
                 self.off_unjudged = False
-                true.say("INV-6", "torque went off with the brake open, and no alarm says so")
+                true.say("INV-6", "torque went off with the brake open, and no alarm reports it")
         self.unheld_ms = self.unheld_ms + 1 if true.brake_open else 0
         self.driven_ms = max(self.driven_ms, self.unheld_ms)
         if self.unheld_ms > self.unheld_max_ms:

@@ -58,7 +58,7 @@ ROWS: Final = (
     ),
     FaultCase(
         number="D5",
-        title="drive ignores the command and says so",
+        title="drive ignores the command and reports it",
         detected_by="bit 12 of the statusword",
         reaction=_TORQUE_OFF,
         codes=(Code.DRV_05,),

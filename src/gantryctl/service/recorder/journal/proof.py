@@ -159,7 +159,7 @@ def judge(
 
 
 def kept_anchors(path: Path) -> list[Anchor]:
-    """Read the daily anchors, without lines that are none; OSError when they are there and cannot be read."""
+    """Read the daily anchors, without lines that are not anchors; OSError when they are there and cannot be read."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except FileNotFoundError:
