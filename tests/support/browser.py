@@ -202,8 +202,8 @@ def until_moving(watcher: Watcher) -> None:
 def press_until_moving(page: Page, watcher: Watcher, direction: str = "forward") -> int:
     """Press until the set-point moves; returns how many presses were not taken.
 
-    A press whose frame is older than 200 ms is dropped: on a computer that is busy that happens now and then, and a person
-    presses again.
+    A press whose frame is older than 200 ms is dropped: on a computer that is busy that happens now and then, and a
+    person presses again.
     """
     for lost in range(_PRESSES_MAX):
         press(page, direction)
