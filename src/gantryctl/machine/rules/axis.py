@@ -15,7 +15,7 @@ from gantryctl.units import DEG_S_PER_R_MIN
 def guesses_are_keys(m: Machine) -> Broken:
     """Every row of the guesses is a key of the machine file."""
     unknown = unknown_guesses(m.machine.guesses, field_specs())
-    return f"must be keys of the file: {unknown} is not one of them; correct or delete the row" if unknown else None
+    return f"must be keys of the file: {unknown} is not; correct or delete the row" if unknown else None
 
 
 # --- travel -------------------------------------------------------------------------------------------------
