@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { moveTime, num, signed, speedText, typed } from '../src/lib/format';
+import { decimalsOf, moveTime, num, signed, speedText, typed } from '../src/lib/format';
 import { History } from '../src/lib/history';
 
 test('a number has a real minus, no minus at zero, and a dash where it is not known', () => {
@@ -15,6 +15,10 @@ test('a number has a real minus, no minus at zero, and a dash where it is not kn
     '−3',
     '–',
   ]);
+});
+
+test('a torque has two digits whatever the motor: none behind the point of 70 N m, three of 0.064', () => {
+  expect([70, 257, 9.6, 0.64, 0.064, 0, null].map(decimalsOf)).toEqual([0, 0, 1, 2, 3, 0, 0]);
 });
 
 test('a speed is shown in deg/s and r/min: 6 deg/s are 1 r/min', () => {

@@ -11,6 +11,11 @@ export function signed(value: number | null | undefined, decimals: number): stri
   return value != null && Number(value.toFixed(decimals)) > 0 ? `+${text}` : text;
 }
 
+/** Decimals that show two digits of a quantity of this size. */
+export function decimalsOf(size: number | null | undefined): number {
+  return size == null || !(size > 0) ? 0 : Math.max(0, 1 - Math.floor(Math.log10(size)));
+}
+
 /** deg/s of the gantry as r/min. */
 export function rpm(deg_s: number | null | undefined): number | null {
   return deg_s == null ? null : deg_s / 6;

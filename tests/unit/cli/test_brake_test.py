@@ -22,7 +22,7 @@ NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 
 def test_a_sound_brake_passes_and_that_is_retained() -> None:
     answer = done("brake-test")
-    assert "hust_gantry: brake test passed: held +70.0 and -70.0 N m for 2 s each" in answer.out
+    assert "hust_gantry: brake test passed: held +70 and -70 N m for 2 s each" in answer.out
     assert "after 100 more power-ups" in answer.out
     kept = done("retain", "show", "--json").json
     assert (kept["brake_tests"], kept["brake_tests_failed"], kept["brake_failed"]) == (1, 0, "")

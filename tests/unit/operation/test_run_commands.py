@@ -276,7 +276,7 @@ def test_a_brake_test_tells_each_direction_by_its_own_torque() -> None:
     assert report.moved_deg == approx(0.0125)
     assert (report.plus_nm, report.minus_nm) == (71.0, -64.0)
     assert report.text == "brake test passed"
-    assert report.detail.startswith("held +70.0 and -70.0 N m")
+    assert report.detail.startswith("held +70 and -70 N m")
     run.close("tested")
 
 

@@ -15,6 +15,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.axis.command_checks import check_destination, require, way_to
 from gantryctl.program.axis.motion_command import CommandStatus
 from gantryctl.program.axis.turns import CRUISING_TURNS, Turns
+from gantryctl.program.blocks import Inch
 from gantryctl.program.settings import MonitorSettings, SpeedSettings, TravelSettings
 from gantryctl.units import deg, rad
 from unit.program import rig
@@ -248,6 +249,14 @@ def test_an_angle_beyond_a_turn_is_refused_and_by_way_it_is_not():
     assert command.refusal.code is Code.CTL_01
     table.relative(400.0)
     assert float(table.true_deg) == pytest.approx(400.0, abs=ARRIVED_DEG)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan])
+def test_an_increment_of_an_axis_without_ends_has_no_largest_one(bad):
+    inch = Inch(Rig(config=modulo()).axis)
+    inch(forward=True, backward=False, distance_rad=rad(bad), velocity_rad_s=rad(10.0))
+    assert inch.error_id is Code.CTL_01
+    assert inch.error_text.startswith("increment must be above 0, got ")
 
 
 def test_a_linear_axis_refuses_a_direction():

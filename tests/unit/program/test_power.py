@@ -87,7 +87,7 @@ def test_torque_not_proven_keeps_the_brake_closed():
         assert not rig.output.brake_open
     assert rig.codes == ["BRK-07"]
     assert rig.axis.state is AxisState.ERROR_STOP
-    assert "Torque 10.0 N m after 501 ms, at least 24.0 N m required" in rig.first.text
+    assert "Torque 10 N m after 501 ms, at least 24 N m required" in rig.first.text
     assert rig.output.request is DriveRequest.DISABLE
 
 

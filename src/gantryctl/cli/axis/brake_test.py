@@ -135,7 +135,7 @@ def _print(name: str, report: BrakeTestReport, failure: GantryctlError | None, *
     elif tested:
         click.echo(f"{name}: {report.text}: {report.detail}")
         for title, text in (
-            ("torque asked for", f"+-{report.level_nm:.1f} N m at the motor, for 2 s each way"),
+            ("torque asked for", f"+-{report.level_nm:.3g} N m at the motor, for 2 s each way"),
             ("plus", _torque(report.plus_nm)),
             ("minus", _torque(report.minus_nm)),
             ("moved", f"{report.moved_deg:.4f} deg, {report.limit_deg:.4f} deg allowed"),
@@ -154,7 +154,7 @@ def known(value: float) -> float | None:
 
 
 def _torque(value: float) -> str:
-    return f"{value:+.1f} N m held" if math.isfinite(value) else "not held"
+    return f"{value:+.3g} N m held" if math.isfinite(value) else "not held"
 
 
 @click.command()

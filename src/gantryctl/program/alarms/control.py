@@ -105,7 +105,7 @@ CONTROL: Final = (
     Definition(
         Code.CTL_19, _WARN, Reaction.W,
         Text("Eccentric moment changed",
-             "The eccentric moment has changed by {measured:.1f} kN m since the calibration, limit {limit:.1f} kN m",
+             "The eccentric moment has changed by {measured:.3g} kN m since the calibration, limit {limit:.3g} kN m",
              "The load is another than when the axis was identified, or the torque of the motor is read wrong. "
              "Control follows the change up to the limit and no further.",
              "Find out what has changed on the axis. Identify again, or raise [control.compensation.moment_observer] "

@@ -36,7 +36,7 @@ POWER: Final = (
     Definition(
         Code.BRK_02, _WARN, Reaction.W,
         Text("Brake drags",
-             "The motion needs {measured:.0f} N m more than before, {share:.0f} % of rated",
+             "The motion needs {measured:.3g} N m more than before, {share:.0f} % of rated",
              "The brake does not open fully, or friction has grown.",
              "Check the brake's supply and air gap. Above 30 % the motion is stopped, above half of the brake's torque "
              "power goes off; a reset by service makes the axis learn anew what it needs."),
@@ -93,7 +93,7 @@ POWER: Final = (
     Definition(
         Code.BRK_07, _STOP, _TO,
         Text("Torque not proven",
-             "Torque {measured:.1f} N m after {time_ms:.0f} ms, at least {limit:.1f} N m required "
+             "Torque {measured:.3g} N m after {time_ms:.0f} ms, at least {limit:.3g} N m required "
              "before the brake opens",
              "The drive is enabled but gives no torque: motor cable, current limit, torque scaling.",
              "The brake stayed closed. Check the motor cable and the drive's torque limit, then reset."),
@@ -158,7 +158,7 @@ POWER: Final = (
     Definition(
         Code.BRK_14, _STOP, _TO,
         Text("Torque without effect",
-             "Torque {measured:.0f} N m without effect: {speed:.2f} deg/s while {command:.2f} deg/s was commanded",
+             "Torque {measured:.3g} N m without effect: {speed:.2f} deg/s while {command:.2f} deg/s was commanded",
              "The brake is closed though its contact says open, the shaft is blocked, or the motor does not give "
              "the torque that the drive reports.",
              "Check brake, motor cable and drive, then reset."),
@@ -212,7 +212,7 @@ POWER: Final = (
     Definition(
         Code.CTL_06, _WARN, Reaction.W,
         Text("Holding torque high",
-             "Holding torque {measured:.0f} % of rated: {torque:.0f} N m at standstill",
+             "Holding torque {measured:.0f} % of rated: {torque:.3g} N m at standstill",
              "The load is out of balance, or something was put on it.",
              "Take off what was put on, check the balance. Above 90 % the brake holds, and power goes off."),
         Text("保持转矩偏高", "保持转矩为额定值的 {measured} %：静止时 {torque} N m", "负载不平衡，或有物体置于其上。",

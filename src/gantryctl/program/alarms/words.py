@@ -33,7 +33,7 @@ class Words(Enum):
     AT_UNKNOWN = "an angle that is not known", "未知角度"
     WHILE_COMMANDED = "{value:.2f} deg/s was commanded", "指令为 {value} °/s"
     WHILE_READ = "{value:.2f} deg/s had been read before", "此前读数为 {value} °/s"
-    WHILE_TORQUE = "a torque of {value:+.1f} N m turned the motor", "转矩 {value} N m 使电机转动"
+    WHILE_TORQUE = "a torque of {value:+.3g} N m turned the motor", "转矩 {value} N m 使电机转动"
     WHILE_DITHERED = (
         "the motor was commanded to move by {value:.0f} counts, forth and back",
         "命令电机往返移动 {value} 个计数",
@@ -43,11 +43,11 @@ class Words(Enum):
         "位置与速度积分相差 {value}°，限值 {limit}°",
     )
     GROWS_AGAINST = (
-        "Speed grew to {speed:.2f} deg/s against a torque of {torque:+.0f} N m",
+        "Speed grew to {speed:.2f} deg/s against a torque of {torque:+.3g} N m",
         "速度逆着 {torque} N m 的转矩增至 {speed} °/s",
     )
     TURNED_AGAINST = (
-        "The reading turned by {value:.0f} counts against a torque of {torque:+.1f} N m",
+        "The reading turned by {value:.0f} counts against a torque of {torque:+.3g} N m",
         "读数逆着 {torque} N m 的转矩转动 {value} 个计数",
     )
     SPEED_CHANGE = (
@@ -309,7 +309,7 @@ class Words(Enum):
         "制动器测试须在断电时开始：请先断电",
     )
     TEST_TORQUE_TOO_HIGH = (
-        "a brake test with {level:.1f} N m and the load are more than the motor's torque limit",
+        "a brake test with {level:.3g} N m and the load are more than the motor's torque limit",
         "{level} N m 的制动器测试加上负载超过电机转矩限值",
     )
     NOT_TESTABLE = "not testable here: {why}", "不能在此测试：{why}"
@@ -327,15 +327,15 @@ class Words(Enum):
         "{what}，移动 {way}°，允许 {limit}°",
     )
     TEST_HELD = (
-        "held {plus:+.1f} and {minus:+.1f} N m for {time_s:g} s each",
+        "held {plus:+.3g} and {minus:+.3g} N m for {time_s:g} s each",
         "各保持 {time_s} s：{plus} 和 {minus} N m",
     )
     TEST_NOT_REACHED = (
-        "{given:+.1f} N m reached, {wanted:+.1f} N m required",
+        "{given:+.3g} N m reached, {wanted:+.3g} N m required",
         "达到 {given} N m，需要 {wanted} N m",
     )
-    TEST_NOT_HELD = "{given:+.1f} N m held of {wanted:+.1f} N m", "保持 {given} N m，需要 {wanted} N m"
-    TEST_SLIPPED = "the brake slipped under {given:+.1f} N m", "制动器在 {given} N m 下打滑"
+    TEST_NOT_HELD = "{given:+.3g} N m held of {wanted:+.3g} N m", "保持 {given} N m，需要 {wanted} N m"
+    TEST_SLIPPED = "the brake slipped under {given:+.3g} N m", "制动器在 {given} N m 下打滑"
     TEST_SLIPPED_AFTER = (
         "the brake slipped when the torque was taken off after the test",
         "测试后撤去转矩时制动器打滑",
@@ -349,11 +349,11 @@ class Words(Enum):
 
     # What of a calibration no longer fits (CTL-22).
     STALE_MOMENT = (
-        "eccentric moment changed by {measured:.1f} N m, bound {limit:.1f} N m",
+        "eccentric moment changed by {measured:.4g} N m, bound {limit:.4g} N m",
         "偏心力矩改变 {measured} N m，限值 {limit} N m",
     )
     STALE_FRICTION = (
-        "friction changed by {measured:+.1f} N m, bound {limit:.1f} N m",
+        "friction changed by {measured:+.4g} N m, bound {limit:.4g} N m",
         "摩擦改变 {measured} N m，限值 {limit} N m",
     )
     STALE_BACKLASH = (
@@ -371,15 +371,15 @@ class Words(Enum):
 
     # Why a torque reading is not believed (DRV-14).
     TORQUE_WHILE_OFF = (
-        "{torque:.0f} N m reported while the drive is switched off",
+        "{torque:.3g} N m reported while the drive is switched off",
         "驱动器断电时报告 {torque} N m",
     )
     TORQUE_AGAINST_BRAKE = (
-        "{torque:.0f} N m reported against the closed brake, {wanted:.0f} N m asked for",
+        "{torque:.3g} N m reported against the closed brake, {wanted:.3g} N m asked for",
         "对抱紧的制动器报告 {torque} N m，要求 {wanted} N m",
     )
     TORQUE_WITHOUT_EFFECT = (
-        "reported torque changed by {change:+.0f} to {torque:.0f} N m without any effect on the speed",
+        "reported torque changed by {change:+.3g} to {torque:.3g} N m without any effect on the speed",
         "报告的转矩变化 {change} 至 {torque} N m，而速度没有任何变化",
     )
     TORQUE_STILL_WRONG = (
@@ -830,8 +830,11 @@ class Said(NamedTuple):
 class _Filler(Formatter):
     def format_field(self, value: object, format_spec: str) -> str:
         if isinstance(value, float) and not abs(value) < _ABSURD:
-            format_spec = ".4g"
-        return format(value, format_spec)
+            return format(value, ".4g")
+        text = format(value, format_spec)
+        if format_spec.endswith("g") and "e+" in text:
+            return format(float(text), ("+" if format_spec.startswith("+") else "") + ".0f")
+        return text
 
 
 _FILLER: Final = _Filler()
@@ -840,7 +843,8 @@ _FILLER: Final = _Filler()
 def filled(template: str, values: Mapping[str, object]) -> str:
     """A template with its fields filled: every text of alarms, refusals and words.
 
-    A number of absurd size has four digits and an exponent, where its format would print all of 300 digits.
+    A number of absurd size has four digits and an exponent, where its format would print all of 300 digits; no other
+    large one has an exponent.
     """
     return _FILLER.vformat(template, (), values)
 

@@ -104,7 +104,8 @@ class Inch(ExecuteBlock):
             self._accepted(refusal(Code.CTL_14, reason=Words.INCREMENT_FROM_REST))
         # A whole increment or none: a shortened one would end at an unexpected angle.
         elif not 0.0 < distance_rad <= length:
-            allowed, measured = Words.AT_MOST_ANGLE(high=deg(length)), Words.ANGLE(value=deg(distance_rad))
+            allowed = Words.ABOVE_ZERO if travel.endless else Words.AT_MOST_ANGLE(high=deg(length))
+            measured = Words.ANGLE(value=deg(distance_rad))
             self._accepted(
                 refusal(Code.CTL_01, name=Words.NAME_INCREMENT, allowed=allowed, measured=measured)
             )
