@@ -171,6 +171,23 @@ def test_a_brake_is_released_by_an_enabled_drive_only(machine: Machine) -> None:
     assert drive.truth()[0] == pytest.approx(before, abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ["estop_ok", "estop_ok_2", "mains_ready"])
+def test_a_chain_that_opens_at_either_channel_or_mains_that_fail_take_the_torque(
+    machine: Machine, name: str
+) -> None:
+    drive = sim_drive(machine)
+    run(drive, 0.3, 0.0)
+    assert drive.state is DriveState.OPERATION_ENABLED
+    setattr(drive.faults, name, False)
+    run(drive, 0.002, 0.0)
+    assert drive.state is DriveState.SWITCH_ON_DISABLED
+    setattr(drive.faults, name, True)
+    run(drive, 0.01, 0.0)
+    assert drive.state is DriveState.OPERATION_ENABLED, (
+        "of the drive alone; the program asks for nobody's reset"
+    )
+
+
 def test_a_drive_that_trips_while_it_is_enabled_has_no_torque_in_the_next_scan(machine: Machine) -> None:
     drive = sim_drive(machine)
     run(drive, 0.5, 0.0)

@@ -12,6 +12,7 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import rad
 from unit.program.rig import ZERO_COUNTS, settings
@@ -23,8 +24,10 @@ PERIODS = pytest.mark.parametrize("period_s", [0.001, 0.004, 0.010])
 class Parts:
     """Settings, feedback and alarms of an axis that is held by its drive, brake open, at 0 deg."""
 
-    def __init__(self, period_s: float = 0.001, **arguments: object) -> None:
-        self.settings = settings(period_s=period_s, **arguments)
+    def __init__(
+        self, period_s: float = 0.001, *, config: AxisSettings | None = None, **arguments: object
+    ) -> None:
+        self.settings = config or settings(period_s=period_s, **arguments)
         self.period_s = period_s
         self.alarms = AlarmLog()
         self.feedback = Feedback(self.settings, self.alarms)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -110,7 +111,7 @@ def test_a_brake_that_slips_fails_and_lets_nothing_move(slips_at_nm):
     rig.finish()
     assert rig.result.outcome is FAILED
     assert "BRK-08" in rig.codes
-    assert f"{slips_at_nm:+.1f} N m reached" in rig.axis.alarms.active["BRK-08"].measured
+    assert f"{slips_at_nm:+.3g} N m reached" in rig.axis.alarms.active["BRK-08"].measured
     rig.spoil = None
     rig.op(power=True)
     assert "a brake test must pass, or service must reset" in rig.refused()
@@ -181,6 +182,21 @@ def test_stop_ends_it_in_every_phase_with_torque_off_and_no_verdict(phase):
     rig.begin()  # and another one may begin
     rig.finish()
     assert rig.result.outcome is PASSED
+
+
+@pytest.mark.parametrize("phase", [BrakeTestPhase.PLUS_HELD, BrakeTestPhase.MINUS_HELD])
+def test_stop_takes_the_torque_back_on_its_ramp_before_the_drive_is_disabled(phase):
+    """65 N m within 0.5 s are 0.13 in a scan; what is regulated beside them is less. Then three steps of the 12."""
+    rig = TestRig()
+    rig.begin()
+    rig.to(phase)
+    rig.run(0.01)
+    rig.torques.clear()
+    rig.op(stop=True)
+    rig.until(lambda: rig.axis.power.phase is PowerPhase.UNLOADING, 2.0)
+    steps = [abs(after - before) for before, after in pairwise(rig.torques)]
+    assert max(steps) < 0.2
+    assert rig.torques[-1] == pytest.approx(HOLDING_NM, abs=0.05 * LEVEL_NM)
 
 
 @pytest.mark.parametrize("reading", [math.nan, math.inf, -math.inf])

@@ -335,6 +335,21 @@ def test_a_condition_counts_in_a_row(name):
 
 
 @BOTH
+def test_an_error_grows_from_where_it_was_as_the_torque_came_to_its_limit(way):
+    """0.04 deg in a first saturation grow by 0.004; in a second one 0.01 grow by 0.02, and the window is 0.005."""
+    parts = Parts()
+    watch = monitors_of(parts, way * 6.0)
+    parts.feedback.torque_nm = 20.0
+    for begun, grown, told in ((0.04, 0.044, False), (0.01, 0.03, True)):
+        parts.feedback.torque_limited = False
+        one_scan(parts, watch)()
+        parts.feedback.torque_limited = True
+        one_scan(parts, watch, error_deg=way * begun)()
+        parts.after(one_scan(parts, watch, error_deg=way * grown), lambda: "CTL-07" in parts.codes, 0.3)
+        assert ("CTL-07" in parts.codes) is told
+
+
+@BOTH
 def test_a_speed_that_swings_about_that_of_the_set_point_is_told(way):
     """3 deg/s and 0.3 to either side, five times in a second; 3 deg/s more or less are no swing."""
     parts = Parts()

@@ -9,6 +9,7 @@ import pytest
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.axis import turns as axis_turns
 from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.monitors.calibration_watch import Finding
 from gantryctl.program.settings import CalibrationWatchSettings, CompensationSettings
@@ -251,6 +252,21 @@ def test_laws_keep_their_angles_when_the_zero_of_the_axis_moves_on(way):
     assert rig.ref_deg == approx(-60.0 * way)
     assert [deg(angle) for angle in law.turned_rad] == approx([360.0 * way])
     assert deg(law.asked[-1].ref) == approx(-60.0 * way)
+
+
+@BOTH
+def test_laws_keep_their_angles_when_the_zero_moves_on_at_speed(way, monkeypatch):
+    """10 turns/s; the zero of a cruise moves on by each turn here, and the laws never go back by one for it."""
+    monkeypatch.setattr(axis_turns, "CRUISING_TURNS", 1)
+    law = Plain()
+    rig = Rig(config=replace(modulo(), compensation=CompensationSettings(law)))
+    rig.power_up()
+    rig.axis.motion.move_velocity(way * rad(3600.0))
+    rig.run(0.1)
+    law.turned_rad.clear()
+    rig.run(0.4)
+    assert abs(rig.ref_deg) < 2.0 * 360.0, "the zero has moved on"
+    assert [deg(angle) for angle in law.turned_rad] == approx([360.0 * way] * 4)
 
 
 class Watch:

@@ -401,6 +401,17 @@ def test_half_of_the_brakes_torque_that_goes_in_between_is_no_brake(way):
 
 
 @BOTH
+def test_what_was_suspected_before_a_power_up_is_no_beginning_of_what_comes_behind_it(way):
+    """49 ms without torque, then the axis follows anew: 50 ms more until it is told, not one scan."""
+    parts = Parts()
+    watch = watched(parts)
+    parts.turn(way * 2.9)
+    assert parts.after(lambda: watch.scan(rad(-way * 0.3), 0.0), most_s=0.049) == math.inf
+    watch.begin()
+    assert parts.after(lambda: watch.scan(rad(-way * 0.3), 0.0)) == approx(0.050)
+
+
+@BOTH
 def test_a_drive_that_reports_no_torque_is_not_judged_by_it(way):
     """Its reading is nothing, and so it stays, whatever the shaft does."""
     parts = Parts(torque_preload=False)

@@ -364,6 +364,21 @@ def test_a_second_ctrl_c_ends_a_hanging_program_with_a_quick_stop(bench: Bench) 
     assert isinstance(bench.engine.failure, KeyboardInterrupt)
 
 
+@pytest.mark.usefixtures("default_interrupt")
+def test_ctrl_c_in_the_scan_that_fails_does_not_hide_the_failure(bench: Bench) -> None:
+    def fail() -> None:
+        signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("what happened")
+
+    bench.program.hooks[10] = fail
+    # A KeyboardInterrupt would end the tests.
+    with pytest.raises(BaseException, match="what happened") as raised:
+        bench.engine.run_for(1.0)
+    assert isinstance(raised.value, AlarmStop)
+    bench.engine.run_for(0.1)  # the stop goes on: the request has ended with the run that it ended
+    assert bench.engine.scan == 111
+
+
 def test_a_handler_of_the_caller_keeps_its_meaning(bench: Bench) -> None:
     seen = []
     before = signal.signal(signal.SIGINT, lambda number, frame: seen.append(number))

@@ -256,6 +256,32 @@ def test_more_than_five_overruns_in_a_second_stop(strict: Bench, overruns: int, 
         assert strict.engine.system_stop[:3] == (StopCause.OVERRUNS, 6, 5)
 
 
+def test_overruns_during_a_stop_do_not_stop_again_once_it_is_acknowledged(strict: Bench) -> None:
+    """Twenty within two seconds, which nobody counts as long as the first six stop the axis; then a quiet second."""
+    for k in range(20):
+        strict.work(10 + 10 * k, 0.012)
+    strict.engine.run_for(4.0)
+    assert strict.engine.system_stop is not None
+    strict.engine.system_stop = None
+    strict.engine.run_for(0.2)
+    assert strict.engine.system_stop is None
+
+
+@pytest.mark.parametrize(
+    ("brake_open", "vel_rad_s", "stopped"), [(True, 0.0, True), (False, -5.0, True), (False, 0.0, False)]
+)
+def test_a_program_that_does_not_look_at_a_stop_gives_torque_at_zero_speed_behind_its_brake_only(
+    strict: Bench, brake_open: bool, vel_rad_s: float, stopped: bool
+) -> None:
+    strict.work(20, 0.045)
+    strict.engine.run_for(0.21)
+    asked = OutputImage(DriveRequest.ENABLE, vel_rad_s, 7.0, brake_open)
+    strict.program.scan = lambda image: asked  # type: ignore[method-assign]
+    strict.engine.step()
+    given = strict.drive.outputs[-1]
+    assert given == (OutputImage(DriveRequest.QUICK_STOP, brake_open=brake_open) if stopped else asked)
+
+
 def test_overruns_far_apart_do_not_add_up(strict: Bench) -> None:
     for k in range(20):
         strict.work(10 + 30 * k, 0.012)

@@ -363,6 +363,20 @@ def test_a_node_that_is_set_up_again_has_told_nothing_yet() -> None:
     assert (io.node.watch.wrong_in_row, io.node.watch.data) == (0, None)
 
 
+@pytest.mark.parametrize(("period_s", "owed"), [(0.010, 3), (0.001, 30)])
+def test_telegrams_of_a_node_that_are_late_by_30_ms_are_no_second_sender(period_s: float, owed: int) -> None:
+    """As of the drive; behind them, and the one of this SYNC, any other one is."""
+    io, _ = of_cia_401(OutputBits())
+    node = BusNode(io.node.remote, settings(period_s=period_s), "I/O", io.node._mapping, (), io.node._in_time)
+    node.open()
+    for _ in range(50):
+        node.watch.begin()
+    for number in range(owed + 2):
+        assert node.watch.contradicted == 0, number
+        node.watch.take(bytes((number,)), in_time=True)
+    assert node.watch.contradicted == 1
+
+
 # --- telegrams --------------------------------------------------------------------------------------------------------
 
 
