@@ -153,7 +153,15 @@ def test_what_broke_is_kept_with_its_words(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr(job, "play", spoilt)
     assert run(tmp_path, Chunk(0, 2)).broken == 2
-    (first, _) = FaultResult.read(tmp_path).rows()
+    monkeypatch.setattr(job, "play", true)
+    # A call that goes on plays sound ones, and what broke before has not held for that.
+    again = run(tmp_path, Chunk(1, 2))
+    assert (again.played, again.broken, again.broken_there) == (1, 0, 1)
+    assert run(tmp_path, Chunk(2, 1)).broken_there == 0
+    told = cli("faults", "campaign", "--scan", "10", "--count", "2", "--out", tmp_path, "--workers", "1")
+    assert told.code == 1
+    assert "all 2 runs are there, broken 2; played now 0, broken 0" in told.out
+    first, *_ = FaultResult.read(tmp_path).rows()
     assert json.loads(first["violations"]) == ["INV-7 at 1.000 s: wrong"]
 
 

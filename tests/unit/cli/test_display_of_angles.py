@@ -96,6 +96,15 @@ def test_a_move_is_typed_and_printed_as_the_display_has_it(
     assert "target 900.00 deg is beyond" in cli("move", "900", "--config", file, "--no-trace").err
 
 
+def test_ends_of_a_profile_are_typed_as_the_display_has_them(tmp_path: Path) -> None:
+    """350 deg is -10 deg of this axis, and 10 deg the same place twice."""
+    file = tmp_path / "iec.toml"
+    file.write_text(to_toml(with_values(IEC, {"drive.kind": "sim"})), encoding="utf-8")
+    assert "from 350 to 350 deg is no move" in cli("profile", "--config", file, "--move", "350", "-10").err
+    told = cli("profile", "--config", file, "--move", "350", "700").err
+    assert "700 deg is beyond travel, 180 (- end) to 180 (+ end) deg" in told
+
+
 def test_tables_of_a_chord_test_name_bases_as_they_are_read(tmp_path: Path) -> None:
     """A base of -90 deg is typed as 270 and printed as 270; the table for machines keeps -90."""
     file = tmp_path / "iec.toml"

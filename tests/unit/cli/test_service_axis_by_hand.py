@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -220,7 +221,12 @@ def test_a_brake_test_that_was_refused_has_no_result(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(link, "ask", refuse)
     with pytest.raises(CommandRefused, match="SEC-10"):
         axis.test_brake()
-    assert axis.brake_test_report().outcome is BrakeTestOutcome.NONE
+    report = axis.brake_test_report()
+    assert report.outcome is BrakeTestOutcome.NONE
+    # Nor what that one has borne: it would stand under the date of this refusal.
+    assert (report.detail, report.moved_deg) == ("", 0.0)
+    assert math.isnan(report.plus_nm)
+    assert math.isnan(report.minus_nm)
 
 
 def test_no_power_comes_for_a_jog_that_cannot_be(monkeypatch: pytest.MonkeyPatch) -> None:

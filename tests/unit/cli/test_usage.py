@@ -182,6 +182,12 @@ def test_every_wrong_field_of_a_machine_file_gets_its_line(tmp_path: Path) -> No
             assert word in answer.err
 
 
+def test_the_search_for_a_quick_stop_takes_no_speed_and_writes_no_report(tmp_path: Path) -> None:
+    """A speed that is named and not heeded would be read as that of the certificate."""
+    assert "leave out --speed" in refused("stops", "--find-quick", "--speed", "3")
+    assert "leave out --out" in refused("stops", "--find-quick", "--out", tmp_path)
+
+
 def test_a_quick_stop_that_the_gear_cannot_give_is_refused_before_anything_moves(tmp_path: Path) -> None:
     file = machine_file(tmp_path / "m.toml", {"virtual_axis.quick_dec_deg_s2": 8.0})
     answer = cli("move", "5", "--config", file)

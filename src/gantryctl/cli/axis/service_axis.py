@@ -302,17 +302,16 @@ class ServiceAxis:
         return self.brake_test_report()
 
     def brake_test_report(self) -> BrakeTestReport:
-        """Report of the last test at the service, without an outcome until this command has made one."""
-        tags = self.tags or self.look()
+        """Report of the test of this command at the service; without outcome and figures until it has made one."""
+        tags, tested = self.tags or self.look(), self._tested
+        # What the brake bore in an earlier test, of another day, is no figure of this command.
         return BrakeTestReport(
-            outcome=BrakeTestOutcome[tags["brake_test_result"].upper()]
-            if self._tested
-            else BrakeTestOutcome.NONE,
-            detail=tags["brake_test_text"],
+            outcome=BrakeTestOutcome[tags["brake_test_result"].upper()] if tested else BrakeTestOutcome.NONE,
+            detail=tags["brake_test_text"] if tested else "",
             level_nm=tags["brake_test_level_nm"],
-            plus_nm=_number(tags["brake_test_plus_nm"]),
-            minus_nm=_number(tags["brake_test_minus_nm"]),
-            moved_deg=tags["brake_test_moved_deg"],
+            plus_nm=_number(tags["brake_test_plus_nm"]) if tested else math.nan,
+            minus_nm=_number(tags["brake_test_minus_nm"]) if tested else math.nan,
+            moved_deg=tags["brake_test_moved_deg"] if tested else 0.0,
             limit_deg=tags["brake_test_limit_deg"],
             due=brake_due(self.machine, tags),
         )

@@ -369,20 +369,23 @@ def gear(table: Path, config_file: Path | None, radius_m: float | None, as_json:
 )
 @json_option
 def isocentre_(config_file: Path | None, step_deg: int, as_json: bool) -> None:
-    """Where the isocentre goes over the angle, and the star shot's circle: weight and tracks of [plant.structure].
+    """Where the isocentre goes over the travel, and the star shot's circle: weight and tracks of [plant.structure].
 
     Computed, in closed form; no axis moves. Six numbers an angle: shift x, y, z in the room, tilt of the nozzle.
     """
-    import numpy as np
-
-    from gantryctl.engineering.accuracy.isocentre import isocentre, isocentre_data, isocentre_text
+    from gantryctl.engineering.accuracy.isocentre import (
+        angles_of,
+        isocentre,
+        isocentre_data,
+        isocentre_text,
+    )
 
     machine = machine_of(config_file)
-    found = isocentre(machine, np.arange(-180.0, 180.0, step_deg))
+    found = isocentre(machine, angles_of(machine, step_deg))
     if as_json:
         print_json(isocentre_data(found, machine))
     else:
-        click.echo(isocentre_text(found))
+        click.echo(isocentre_text(found, machine.axis.dial))
 
 
 def _shipped(table: Path) -> Path:

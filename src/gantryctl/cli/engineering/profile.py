@@ -66,6 +66,8 @@ def profile(
     from gantryctl.machine.places import fitted_stretch_deg
 
     machine = simulated_machine(config_file, "profile")
+    if ends_deg is not None:
+        ends_deg = machine.axis.meant_deg(ends_deg[0]), machine.axis.meant_deg(ends_deg[1])
     ends_deg = ends_deg or fitted_stretch_deg(machine, *SHORT_DEG)
     _check_options(machine, ends_deg, bases_um, after_um)
     if anew:
@@ -95,12 +97,12 @@ def _check_options(
     """Refuse a move of 0 deg and a limit that leaves nothing."""
     from gantryctl.errors import UsageError
 
-    low, high = machine.axis.pos_min_deg, machine.axis.pos_max_deg
+    low, high, dial = machine.axis.pos_min_deg, machine.axis.pos_max_deg, machine.axis.dial
     for angle in ends_deg:
         if not low <= angle <= high:
-            raise UsageError(f"--move: {angle:g} deg is beyond travel, {low:g} to {high:g} deg")
+            raise UsageError(f"--move: {angle:g} deg is beyond travel, {dial.span(low, high)} deg")
     if ends_deg[0] == ends_deg[1]:
-        raise UsageError(f"--move: from {ends_deg[0]:g} to {ends_deg[1]:g} deg is no move: name two angles")
+        raise UsageError(f"--move: from {dial.span(*ends_deg)} deg is no move: name two angles")
     given = [("--base-um", value) for value in bases_um]
     if after_um is not None:
         given.append(("--after-um", after_um))

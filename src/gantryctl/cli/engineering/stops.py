@@ -60,6 +60,8 @@ def stops(
                 f"--speed {speed:g}: must be above 0 and at most {machine.speed.setting_max_deg_s:g} deg/s "
                 "([speed] setting_max_deg_s)"
             )
+    if find_quick and speeds:
+        raise UsageError("--find-quick finds the highest speed itself: leave out --speed")
     if find_quick and out is not None:
         raise UsageError("--find-quick finds one value and writes no report: leave out --out")
     return _find(machine, as_json) if find_quick else _table(machine, speeds, out, as_json, made)

@@ -83,8 +83,8 @@ def campaign(
 ) -> int:
     """Play many scenarios with faults, each judged by the true plant, and keep a row of each.
 
-    Goes on where it was ended: a seed that is in the folder is not played again. Exit code 1 when something broke or
-    seeds are missing at the end; `gantryctl faults replay SEED` tells what happened in one.
+    Goes on where it was ended: a seed that is in the folder is not played again. Exit code 1 when something broke, now
+    or in an earlier call, or seeds are missing at the end; `gantryctl faults replay SEED` tells what happened in one.
     """
     import os
     from datetime import UTC, datetime
@@ -114,9 +114,10 @@ def campaign(
     else:
         what = "all" if end.complete else f"{end.there} of"
         click.echo(
-            f"{folder}: {what} {end.asked} runs are there; played now {end.played}, broken {end.broken}"
+            f"{folder}: {what} {end.asked} runs are there, broken {end.broken_there}; played now {end.played}, broken "
+            f"{end.broken}"
         )
-    return int(not end.complete or end.broken > 0)
+    return int(not end.complete or end.broken_there > 0)
 
 
 @click.command()

@@ -25,9 +25,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, config_hash
 from gantryctl.machine.tables.plant import StructureTable
-from gantryctl.units import GRAVITY_M_S2, rad
+from gantryctl.units import GRAVITY_M_S2, SIGNED, Dial, rad
 
 FloatArray = npt.NDArray[np.float64]
 # Waves of a track: one a turn is a shifted centre of the ring, found when it is mounted.
@@ -59,6 +60,23 @@ class Isocentre:
         """Range of the shift in x, y and z."""
         x, y, z = np.ptp(self.shift_mm, axis=0)
         return float(x), float(y), float(z)
+
+
+def angles_of(machine: Machine, step_deg: float) -> FloatArray:
+    """Angles of the travel, or of one turn of it, so far apart: where an axis never stands it has no isocentre.
+
+    Raises:
+        UsageError: they are fewer than three.
+    """
+    low, high = machine.axis.pos_min_deg, machine.axis.pos_max_deg
+    begin = step_deg * math.ceil((low + 180.0) / step_deg - 1e-9) - 180.0
+    count = math.floor((min(high, begin + 360.0 - step_deg) - begin) / step_deg + 1e-9) + 1
+    if count < 3:
+        raise UsageError(
+            f"--step-deg {step_deg:g}: travel, {machine.axis.dial.span(low, high)} deg, has {count} such angles, and a "
+            "star shot takes three: choose a smaller step"
+        )
+    return np.asarray(begin + step_deg * np.arange(count))
 
 
 def isocentre(machine: Machine, angles_deg: FloatArray) -> Isocentre:
@@ -175,7 +193,7 @@ def isocentre_data(found: Isocentre, machine: Machine) -> dict[str, Any]:
     }
 
 
-def isocentre_text(found: Isocentre) -> str:
+def isocentre_text(found: Isocentre, dial: Dial = SIGNED) -> str:
     """A table over angles and the star shot below it."""
     head = "   angle       x       y       z   about u_t       y     u_r   beam"
     lines = [
@@ -187,7 +205,7 @@ def isocentre_text(found: Isocentre) -> str:
     ):
         numbers = " ".join(f"{each:7.3f}" for each in shift)
         tilts = f"{tilt[0]:10.3f} {tilt[1]:7.3f} {tilt[2]:7.3f}"
-        lines.append(f"{angle:8.1f} {numbers}  {tilts} {lateral:6.3f}")
+        lines.append(f"{dial.text(angle, '.1f'):>8} {numbers}  {tilts} {lateral:6.3f}")
     x, y, z = found.span_mm
     lines += [
         f"Range of the shift: {x:.3f} x {y:.3f} x {z:.3f} mm",

@@ -145,11 +145,11 @@ class _Reader:
             raise UsageError(f"{self.name}: line {number}: {'; '.join(wrong)}. The header is {RIGHT_HEADER}")
         if found == ["chord_mm"] and self.radius_m is None:
             raise UsageError(
-                f"{self.name}: column chord_mm needs the radius of the target circle (--radius, m)"
+                f"{self.name}: column chord_mm needs the radius of the target circle (--radius-m)"
             )
         if found == ["error_deg"] and self.radius_m is not None:
             raise UsageError(
-                f"{self.name}: a radius is of no use here, column error_deg is an angle; leave --radius out"
+                f"{self.name}: a radius is of no use here, column error_deg is an angle; leave --radius-m out"
             )
         return separator, number, header
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
@@ -30,6 +30,9 @@ class Conformity(Enum):
     def passed(self) -> bool | None:
         """None = neither."""
         return {Conformity.PASS: True, Conformity.FAIL: False}.get(self)
+
+
+_WORST_FIRST: Final = (Conformity.FAIL, Conformity.UNDECIDED, Conformity.PASS)
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ def judge(
         name: conformity_of(value, uncertainties_deg.get(name, 0.0), limit_deg)
         for name, value in figures_deg.items()
     }
-    worst = next(c for c in (Conformity.FAIL, Conformity.UNDECIDED, Conformity.PASS) if c in each.values())
+    worst = next(c for c in _WORST_FIRST if c in each.values())
     told = ", ".join(
         f"{name} {figures_deg[name]:.4f} {plus_minus(uncertainties_deg.get(name))}deg"
         for name, conformity in each.items()
@@ -130,6 +133,17 @@ def judge(
     }[worst]
     text = f"{told}: {end}; required by {required.origin}"
     return AccuracyVerdict(worst, figures_deg, required, text, uncertainties_deg)
+
+
+def worst_verdict(verdicts: Iterable[AccuracyVerdict]) -> AccuracyVerdict:
+    """The worst of several: one that fails, else one that is not decided; of alike ones, by its largest figure."""
+
+    def badness(verdict: AccuracyVerdict) -> tuple[int, float]:
+        expanded = verdict.uncertainties_deg
+        largest = max(value + expanded.get(name, 0.0) for name, value in verdict.figures_deg.items())
+        return -_WORST_FIRST.index(verdict.conformity), largest
+
+    return max(verdicts, key=badness)
 
 
 def conformity_of(value: float, expanded: float, limit: float) -> Conformity:

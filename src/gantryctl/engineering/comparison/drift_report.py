@@ -8,7 +8,7 @@ from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, judge_chords
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, judge_chords, worst_verdict
 from gantryctl.engineering.batch import expected
 from gantryctl.engineering.comparison.drift_file import Drift, DriftRow
 from gantryctl.engineering.comparison.key_figures import (
@@ -100,9 +100,11 @@ class DriftReport:
     @property
     def verdict(self) -> AccuracyVerdict:
         """The second machine in its worst row as its instrument sees it, beside the requirement."""
-        rows = self.figures[self.second]
-        worst = int(np.argmax([row.a_measured_high_a for row in rows]))
-        return judge_chords(rows[worst].judged_by, self.required, of=f"{self.second}, {self.rows[worst][0]}")
+        # By each figure that is judged: a row of small A may have the largest chord error, or stand beside its angle.
+        return worst_verdict(
+            judge_chords(row.judged_by, self.required, of=f"{self.second}, {name}")
+            for row, (name, _) in zip(self.figures[self.second], self.rows, strict=True)
+        )
 
 
 def a_true(row: KeyFigures) -> float:

@@ -56,7 +56,10 @@ def fastest_notes(machine: Machine, found: Sequence[Sequence[Fastest]]) -> list[
         f"reducer, both rated{after}; speed {machine.speed.setting_max_deg_s:g} deg/s, a normal ramp no harder than "
         f"the quick stop. Binding: the limit that is reached.",
         f"No profile is faster than {bounds}: the base alone gives the load its speed, without gears and without ramps "
-        "of the acceleration.",
+        "of the acceleration."
+        if bounds
+        else f"No profile is faster than {found[0][0].bound_s:.2f} s, which the way takes at the highest speed: the "
+        "base of this plant does not move, so it bounds nothing.",
         "Each figure is the worse one of both ways. On the plant of the machine file, with the compensations that are "
         "on. As settings: [virtual_axis] acc_deg_s2, dec_deg_s2, jerk_deg_s3.",
     ]  # fmt: skip

@@ -144,6 +144,18 @@ class FaultResult:
         """Number of rows."""
         return sum(chunk.size for chunk in self._files.ranges())
 
+    def broken(self, first: int, count: int) -> int:
+        """Runs `first` to `first + count - 1` that are there and in which something broke.
+
+        Raises:
+            StateError: a file is damaged.
+        """
+        found = 0
+        for at, batch in self._files.batches(self._files.ranges(), ["violations"]):
+            wanted = batch["violations"][max(0, first - at) : max(0, first + count - at)]
+            found += int((wanted != "").sum())
+        return found
+
     def rows(self) -> Iterator[Row]:
         """Every row that is there, by its number."""
         names = [INDEX, *COLUMNS]

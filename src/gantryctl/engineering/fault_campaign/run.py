@@ -29,13 +29,14 @@ class CampaignEnd(NamedTuple):
 
     Attributes:
         asked: runs that were asked for. there: of them, in the result now. played: by this call.
-        broken: of these, runs in which something broke.
+        broken: of these, runs in which something broke. broken_there: of those that are there, whoever played them.
     """
 
     asked: int
     there: int
     played: int
     broken: int
+    broken_there: int
 
     @property
     def complete(self) -> bool:
@@ -98,7 +99,9 @@ def run_fault_campaign(
                             f"{today():%Y-%m-%d %H:%M} {tally.text} {spent_s:.0f} s, sources {identity().sources}"
                         )
         result.merge()
-    return CampaignEnd(count, count - left + played, played, broken)
+        # A campaign that goes on shows what broke before as well.
+        broken_there = result.broken(*seeds)
+    return CampaignEnd(count, count - left + played, played, broken, broken_there)
 
 
 def _slices(missing: list[Chunk], size: int) -> list[list[Chunk]]:

@@ -127,7 +127,7 @@ class EngineAxis:
             AlarmStop: the axis was stopped. CommandRefused: somebody asked it to stop.
             InstrumentError: the instrument gave no reading.
         """
-        self._say(f"to {to_deg:+.1f} deg at {vel_deg_s:g} deg/s")
+        self._say(f"to {self.machine.axis.dial.text(to_deg, '.1f')} deg at {vel_deg_s:g} deg/s")
         run, readings = self._run, self._readings
         self._recorder.forget()
         readings.rows.clear()
@@ -135,7 +135,8 @@ class EngineAxis:
         with readings.beside(lambda: self.time_s) if self._real_time else nullcontext():
             report = run.move(to_deg, speed, override)
             if not report.done:
-                raise CommandRefused(f"the move to {to_deg:g} deg ended early: {report.ending.name.lower()}")
+                target = self.machine.axis.dial.text(to_deg)
+                raise CommandRefused(f"the move to {target} deg ended early: {report.ending.name.lower()}")
             run.follow(self._experiment.settle_s)
         if not readings.rows:
             raise readings.fault or InstrumentError(f"{self.instrument}: no reading during a move")

@@ -12,7 +12,9 @@ from scipy.optimize import linprog
 
 from gantryctl.engineering.accuracy import isocentre as module
 from gantryctl.engineering.accuracy.isocentre import isocentre, isocentre_text, smallest_star
+from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine, with_values
+from gantryctl.units import SIGNED, Dial
 
 ANGLES = np.arange(-180.0, 180.0, 15.0)
 ROUND = {"front_track_um": (0.0,), "rear_track_um": (0.0,)}
@@ -211,3 +213,30 @@ def test_the_tube_leans_by_what_one_ring_lifts_and_the_nozzle_goes_with_it() -> 
     top, side = ANGLES == 0.0, ANGLES == 90.0
     assert between.tilt_mrad[top][0] == pytest.approx([lean_mrad[top][0], 0.0, 0.0], abs=1e-12)
     assert between.tilt_mrad[side][0] == pytest.approx([0.0, 0.0, lean_mrad[side][0]], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("travel", "step", "angles"),
+    [
+        ((-180.0, 180.0), 60.0, [-180.0, -120.0, -60.0, 0.0, 60.0, 120.0]),
+        ((-90.0, 95.0), 45.0, [-90.0, -45.0, 0.0, 45.0, 90.0]),
+        ((-5.0, 340.0), 60.0, [0.0, 60.0, 120.0, 180.0, 240.0, 300.0]),
+        ((-3.0, 95.0), 10.0, [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0]),
+        # Of several turns, one: the load comes round.
+        ((-400.0, 400.0), 60.0, [-360.0, -300.0, -240.0, -180.0, -120.0, -60.0]),
+    ],
+)  # fmt: skip
+def test_the_isocentre_is_told_where_the_axis_stands_and_nowhere_else(
+    travel: tuple[float, float], step: float, angles: list[float]
+) -> None:
+    low, high = travel
+    axis = SimpleNamespace(pos_min_deg=low, pos_max_deg=high, dial=SIGNED)
+    assert module.angles_of(SimpleNamespace(axis=axis), step).tolist() == angles  # type: ignore[arg-type]
+
+
+def test_a_star_shot_takes_three_angles_and_is_printed_as_the_display_has_them() -> None:
+    axis = SimpleNamespace(pos_min_deg=-5.0, pos_max_deg=5.0, dial=Dial(0.0))
+    with pytest.raises(UsageError, match=r"step-deg 10: travel, 355 to 5 deg, has 1 such angles"):
+        module.angles_of(SimpleNamespace(axis=axis), 10.0)  # type: ignore[arg-type]
+    lines = isocentre_text(isocentre(default_machine(), np.array([-90.0, 0.0, 60.0])), Dial(0.0)).splitlines()
+    assert [line.split()[0] for line in lines[2:5]] == ["270.0", "0.0", "60.0"]

@@ -113,7 +113,7 @@ def test_chords_beyond_the_diameter_and_useless_radius() -> None:
     text = "base_deg,direction,displacement_deg,chord_mm\n90,ccw,5,6000\n"
     with pytest.raises(UsageError, match="at most 2 R = 5000 mm"):
         parse_error_table(text, radius_m=2.5)
-    with pytest.raises(UsageError, match="leave --radius out"):
+    with pytest.raises(UsageError, match="leave --radius-m out"):
         parse_error_table(f"{HEADER}\n90,ccw,5,0\n", radius_m=2.5)
     with pytest.raises(UsageError, match="above 0"):
         parse_error_table(text, radius_m=float("nan"))

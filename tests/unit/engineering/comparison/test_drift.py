@@ -7,13 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.engineering.comparison.drift_file import DriftRow, drifts_folder, load_drift, parse_drift
+from gantryctl.engineering.accuracy.verdict import Conformity
+from gantryctl.engineering.comparison.drift_file import (
+    Drift,
+    DriftRow,
+    drifts_folder,
+    load_drift,
+    parse_drift,
+)
 from gantryctl.engineering.comparison.drift_report import DriftReport, a_true, controls_of, drift_report
 from gantryctl.engineering.comparison.drift_text import drift_data, notes, render_drift, tables
-from gantryctl.engineering.comparison.key_figures import chord_tests
+from gantryctl.engineering.comparison.key_figures import KeyFigures, chord_tests
 from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.errors import ConfigError, UsageError
-from gantryctl.machine import Machine, default_machine, effective_values, with_values
+from gantryctl.machine import Machine, Requirement, default_machine, effective_values, with_values
 from support.improved import improved_machine
 from support.reports import HEAD
 
@@ -227,6 +234,37 @@ def test_what_lies_below_every_row_is_told(report: DriftReport) -> None:
     assert drift_data(below)["on_top_of"] == ["backlash"]
     assert "all but the first on top of backlash" in render_drift(below, HEAD)
     assert "on top of" not in render_drift(report, HEAD)
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "row"),
+    [
+        ({}, Conformity.PASS, "b"),
+        # A of 0.05 deg lies within 0.1 deg, a chord of 0.12 deg does not; nor does an angle that is a turn off.
+        ({"a": {"largest_chord_a": 0.12}}, Conformity.FAIL, "a"),
+        ({"a": {"largest_angle_a": 0.3}}, Conformity.FAIL, "a"),
+        # A of 0.05 to 0.11 deg is not decided, whatever is proven of the larger A beside it.
+        ({"a": {"a_measured_high_a": 0.11}}, Conformity.UNDECIDED, "a"),
+        ({"a": {"a_measured_high_a": 0.11}, "b": {"largest_chord_a": 0.2}}, Conformity.FAIL, "b"),
+    ],
+)  # fmt: skip
+def test_the_worst_row_is_the_worst_by_every_figure_that_is_judged(
+    changes: dict[str, dict[str, float]], verdict: Conformity, row: str
+) -> None:
+    usual = KeyFigures(*[0.01] * len(KeyFigures._fields))
+    rows = {
+        name: usual._replace(
+            **{"a_measured_a": a, "a_measured_high_a": a + 0.005, "largest_chord_a": 0.03, "largest_angle_a": 0.02}
+            | changes.get(name, {})
+        )
+        for name, a in (("a", 0.05), ("b", 0.06))
+    }  # fmt: skip
+    drift = DriftReport(
+        "one", "two", Drift("d", "", ()), "", Requirement(0.1, "by hand"), (0.0, 90.0), (("a", ""), ("b", "")),
+        {"two": tuple(rows.values())},
+    )  # fmt: skip
+    assert drift.verdict.conformity is verdict
+    assert all(f"two, {row}: " in name for name in drift.verdict.figures_deg)
 
 
 def test_one_machine_twice_is_no_comparison() -> None:

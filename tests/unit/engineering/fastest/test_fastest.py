@@ -7,6 +7,7 @@ import math
 import pytest
 
 from gantryctl.engineering.fastest.search import Limits, bound_s, fastest_moves
+from gantryctl.engineering.fastest.text import fastest_notes
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from support.command_line import refused
@@ -108,3 +109,11 @@ def test_the_delivered_machine_is_quick_true_and_calm_at_once() -> None:
     assert found.move.time_s <= 24.0
     assert found.move.load_error_deg_s <= 0.012
     assert found.move.residual_um <= 5.0
+
+
+def test_a_base_that_does_not_move_is_told_to_bound_nothing() -> None:
+    """90 deg at 6 deg/s take 15 s."""
+    stiff = with_values(smooth_machine(), {"plant.switches.base": False})
+    found = fastest_moves(stiff, MOVE_DEG, [Limits()], [1.0])
+    _, bound, _ = fastest_notes(stiff, found)
+    assert bound.startswith("No profile is faster than 15.00 s, which the way takes at the highest speed")

@@ -120,3 +120,16 @@ def test_a_brake_test_that_did_not_end_is_no_pass() -> None:
     assert "NOT TESTED" in text
     assert "DRV_01: drive fault" in text
     assert text.count(">FAIL<") == 2  # the torque that was not held, and a movement that nobody knows
+
+
+def test_a_movement_within_its_limit_proves_nothing_of_a_brake_test_that_did_not_end() -> None:
+    found = BrakeTestReport(
+        BrakeTestOutcome.NONE, "", 70.0, 69.5, -70.0, 0.001, 0.02, BrakeDue("", 0, overdue=True)
+    )
+    judged = [
+        render_brake_test(report, ended_by, Origin.SIMULATED, HEAD).partition("Movement against")[2][:400]
+        for report, ended_by in ((found, "refused"), (found._replace(moved_deg=0.03), "refused"), (found, ""))
+    ]
+    assert [(">pass<" in text.lower(), ">fail<" in text.lower()) for text in judged] == [
+        (False, False), (False, True), (True, False),
+    ]  # fmt: skip
