@@ -120,7 +120,7 @@ def judge(
         name: conformity_of(value, uncertainties_deg.get(name, 0.0), limit_deg)
         for name, value in figures_deg.items()
     }
-    worst = next(c for c in _WORST_FIRST if c in each.values())
+    worst = next(c for c in (Conformity.FAIL, Conformity.UNDECIDED, Conformity.PASS) if c in each.values())
     told = ", ".join(
         f"{name} {figures_deg[name]:.4f} {plus_minus(uncertainties_deg.get(name))}deg"
         for name, conformity in each.items()
