@@ -152,6 +152,54 @@ def test_a_calibration_comes_back_beside_its_machine_and_the_one_that_was_there_
     assert (root.parent / calibration.name).read_text() == then
 
 
+@pytest.mark.parametrize("named", ["maps/of_today.toml", "../of_today.toml", "{absolute}/of_today.toml"])
+def test_a_calibration_comes_back_wherever_its_machine_file_names_it(root: Path, named: str) -> None:
+    """Beside it a file of the same name that is none of ours, and stays."""
+    configs, site = default_machine_path().parent, root.parent / "etc" / "site"
+    named = named.format(absolute=root.parent / "far")
+    machine, calibration = site / "of_today.toml", site / named
+    for folder in (site, calibration.parent):
+        folder.mkdir(parents=True, exist_ok=True)
+    text = (configs / "hust_improved.toml").read_text().replace("hust_improved.calibration.toml", named)
+    machine.write_text(text)
+    then, now = (
+        (configs / "hust_improved.calibration.toml").read_text() + end for end in ("# then\n", "# now\n")
+    )
+    calibration.write_text(then)
+    improved = load_machine(machine)
+    assert improved.calibration is not None
+    (root / NAME).rename(root / improved.name)
+    made = backed_up(root, improved)
+    assert {path.name for path in root.parent.iterdir()} == {"etc", "state", "state-keys", "b.tar.gz"} | (
+        {"far"} if "far" in named else set()
+    )
+    calibration.write_text(now)
+    machine.write_text(text + "# changed\n")
+    done = restore_backup(made, root)
+    assert (calibration.read_text(), machine.read_text()) == (then, text)
+    aside = {path.read_text() for path in (done.set_aside / "config").rglob("*") if path.is_file()}
+    assert aside == {now, text + "# changed\n"}
+    # And where it is gone with its folder.
+    if "maps" in named:
+        shutil.rmtree(calibration.parent)
+        restore_backup(made, root)
+        assert calibration.read_text() == then
+
+
+def test_a_backup_of_before_the_first_run_leaves_no_memory_of_a_later_one(root: Path) -> None:
+    """Its angle, brake tests and settings would be those of another state."""
+    directory, away = root / NAME, root.parent / "away"
+    away.mkdir()
+    for copy in directory.glob("retain.*"):
+        shutil.move(copy, away)
+    made = backed_up(root)
+    shutil.copytree(away, directory, dirs_exist_ok=True)
+    assert RetainedMemory(directory).load() is not None
+    done = restore_backup(made, root)
+    assert RetainedMemory(directory).load() is None
+    assert RetainedMemory(done.set_aside).load() is not None
+
+
 def test_a_restore_counts_on_and_sets_aside_accounts_and_keeps_key_and_owner_that_are_here(
     root: Path,
 ) -> None:

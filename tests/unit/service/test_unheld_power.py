@@ -83,7 +83,10 @@ def test_the_brake_closes_before_the_torque_goes(axis: Axis) -> None:
     assert not axis.axis.alarms.active
 
 
-def test_whoever_has_control_keeps_power(axis: Axis) -> None:
+@pytest.mark.parametrize("place", ["console", "local"])
+def test_whoever_has_control_keeps_power(axis: Axis, place: str) -> None:
+    if place == "local":
+        axis.do(axis.who(client="commands", place=place), "take", over=False)
     for _ in range(20):
         axis.go(LIMIT_S / 4.0)
         assert math.isnan(axis.left_s)

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from importlib.metadata import version
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final
 
 from gantryctl.errors import DeviceError, StateError, UsageError
@@ -29,6 +29,8 @@ STATE: Final = "state"
 ACCOUNTS: Final = "accounts"
 RECORDINGS: Final = "traces"
 SET_ASIDE: Final = "before-restore-"
+# In that of the configuration.
+_ELSEWHERE: Final = PurePosixPath("from elsewhere")
 
 # Of the machine's directory: what belongs to a running process, and what SQLite's own copy replaces.
 JOURNAL_FILES: Final = (JOURNAL, f"{JOURNAL}-wal", f"{JOURNAL}-shm")
@@ -88,8 +90,14 @@ def _copy_config(machine: Machine, folder: Path) -> str:
     _copy(source, folder / source.name)
     named = machine.control.compensation.calibration
     if named and (source.parent / named).exists():
-        _copy(source.parent / named, folder / named)
+        _copy(source.parent / named, folder / calibration_inside(named))
     return "" if source.samefile(default_machine_path()) else str(source.resolve())
+
+
+def calibration_inside(named: str) -> PurePosixPath:
+    """Place in the archive of the calibration that a machine file names: one that is not below that file has its own."""
+    path = PurePosixPath(named)
+    return _ELSEWHERE / path.name if path.is_absolute() or ".." in path.parts else path
 
 
 def _state_files(directory: Path, *, secrets: bool, recordings: bool) -> Iterator[Path]:

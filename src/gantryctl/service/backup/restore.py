@@ -8,7 +8,7 @@ import socket
 import tempfile
 from contextlib import closing, suppress
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final, NamedTuple
 
 from gantryctl.errors import DeviceError, StateError, UsageError
@@ -18,7 +18,15 @@ from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.runtime import RetainedMemory, StateLock
 from gantryctl.service.backup.archive import Manifest, extract, read_manifest
-from gantryctl.service.backup.create import ACCOUNTS, CONFIG, JOURNAL_FILES, RECORDINGS, SET_ASIDE, STATE
+from gantryctl.service.backup.create import (
+    ACCOUNTS,
+    CONFIG,
+    JOURNAL_FILES,
+    RECORDINGS,
+    SET_ASIDE,
+    STATE,
+    calibration_inside,
+)
 from gantryctl.service.recorder.journal.places import FILE as JOURNAL
 from gantryctl.service.recorder.journal.places import KEY, MIRROR, places_of
 from gantryctl.service.recorder.journal.proof import verify
@@ -168,14 +176,18 @@ class _Restore:
     def _put_config(self, machine: Machine, place: Path) -> None:
         """Put the machine file and its calibration in place."""
         assert machine.source is not None
-        for path in sorted((self._folder / CONFIG).iterdir()):
-            to = place if path.name == machine.source.name else place.parent / path.name
+        named = machine.control.compensation.calibration
+        files = {PurePosixPath(machine.source.name): place}
+        if named:
+            files[calibration_inside(named)] = place.parent / named
+        for inside, to in files.items():
+            path, aside = self._folder / CONFIG / inside, self._set_aside / CONFIG / inside.with_name(to.name)
+            if not path.exists() or (to.exists() and to.read_bytes() == path.read_bytes()):
+                continue
             if to.exists():
-                if to.read_bytes() == path.read_bytes():
-                    continue
-                (self._set_aside / CONFIG).mkdir(exist_ok=True)
-                shutil.copy2(to, self._set_aside / CONFIG / to.name)
-            write_whole(to, path.read_bytes())
+                aside.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(to, aside)
+            write_whole(to, path.read_bytes(), make_folder=True)
 
     def _put_state(self) -> None:
         """Set aside what is here, and put what the backup has in its place; the retained memory comes later."""

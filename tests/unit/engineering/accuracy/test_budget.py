@@ -243,6 +243,8 @@ def test_readings_of_which_only_a_statement_is_known_are_one_row() -> None:
     found = stated_budget(PROCEDURE, ANGLES, stated)
     (row,) = found.contributions
     assert row.value == 2e-4
+    # A statement is no sample: its degrees of freedom are without end, and so are those of the sum.
+    assert found.degrees_of_freedom == math.inf
     slope = [
         float(FIGURE(ANGLES + 1e-6 * (np.arange(len(ANGLES)) == k)) - FIGURE(ANGLES)) / 1e-6
         for k in range(len(ANGLES))
