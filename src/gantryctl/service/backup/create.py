@@ -95,7 +95,7 @@ def _copy_config(machine: Machine, folder: Path) -> str:
 
 
 def calibration_inside(named: str) -> PurePosixPath:
-    """Place in the archive of the calibration that a machine file names: one that is not below that file has its own."""
+    """Place in the archive of the calibration that a machine file names; one from elsewhere has its own."""
     path = PurePosixPath(named)
     return _ELSEWHERE / path.name if path.is_absolute() or ".." in path.parts else path
 
