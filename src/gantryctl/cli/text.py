@@ -32,7 +32,8 @@ def paragraph(text: str) -> None:
     """One sentence of a list, wrapped."""
     import textwrap
 
-    click.echo(textwrap.fill(text, 110, initial_indent="- ", subsequent_indent="  "))
+    # A command that is told must not be cut behind one of its hyphens: it is copied.
+    click.echo(textwrap.fill(text, 110, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False))
 
 
 def shown(value: float, digits: int) -> float:

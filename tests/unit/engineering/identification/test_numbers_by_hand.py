@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gantryctl.cli.engineering.identify import _show
+from gantryctl.engineering.identification import text
 from gantryctl.engineering.identification.fit import _numbers, _Windup, _without_windup
+from gantryctl.engineering.identification.samples import MoveLog, steady
 from gantryctl.engineering.identification.torque_balance import BalanceFit, TorqueBalance
-from gantryctl.machine import Identified
+from gantryctl.engineering.identification.validation import Validation
+from gantryctl.machine import Identified, default_machine
+from support.improved import improved_machine
 
 
 def test_a_gear_map_is_the_lead_without_the_windup_of_a_moment_wherever_its_load_hangs() -> None:
@@ -42,3 +48,51 @@ def test_a_mode_is_half_as_unsure_as_the_windup_that_it_comes_of() -> None:
     assert found.stiffness_nm_per_rad == pytest.approx(2e6 / 0.006)
     assert widths["stiffness_nm_per_rad"] == pytest.approx(math.hypot(0.4, 0.1, 0.4) * 2e6 / 0.006)
     assert set(unknown) == {"motor_inertia_kg_m2", "dead_time_s", "backlash_rad"}
+
+
+@pytest.mark.parametrize(
+    ("repeats_deg", "refused", "warned"),
+    [(0.0101, True, True), (0.0099, False, True), (0.0031, False, True), (0.0029, False, False)],
+)
+def test_maps_that_leave_a_third_of_the_lead_are_refused_and_a_tenth_is_told(
+    repeats_deg: float, refused: bool, warned: bool
+) -> None:
+    """Of a lead of 0.03 deg; what is left and does not come again, 0.02 deg, is noise and judges nothing."""
+    found = Validation(0.03, 0.02, repeats_deg, 0.0, (-90.0, 90.0))
+    assert (found.refused, found.warned) == (refused, warned)
+
+
+def test_a_sample_is_the_mean_of_the_scans_that_an_instrument_has_read() -> None:
+    """A tracker reads every other scan of a block of four, a slow one a single scan of the next: at 1 deg/s, 10 ms."""
+    scans = 240
+    at = np.arange(scans) * 0.01
+    read = np.where(np.arange(scans) % 2 == 0, at + 5.0, np.nan)
+    # From here on the third scan of each block alone; the first block that is kept begins with scan 201.
+    read[205:] = np.where(np.arange(205, scans) % 4 == 3, at[205:] + 5.0, np.nan)
+    nothing = np.zeros(scans)
+    log = MoveLog(0.01, at, read, at, np.full(scans, 1.0), nothing, at + 1.0, 4, 0.0)
+    experiment: Any = SimpleNamespace(
+        transient_s=2.0, creep_deg_s=0.5, low_deg=0.0, high_deg=90.0, turn_deg_s=1.0
+    )
+    found = steady(log, experiment, cruise_only=True)
+    # Scans 202 and 204 of 201 to 204; then 207 of 205 to 208, 211 of 209 to 212 ...
+    assert found.act_rad[:3] == pytest.approx([2.03, 2.07, 2.11])
+    assert found.load_rad - found.act_rad == pytest.approx(np.full(len(found.act_rad), 5.0))
+    # The torque is read at every scan.
+    assert found.torque_nm[:2] == pytest.approx([1.0 + 2.025, 1.0 + 2.065])
+
+
+def test_the_jerk_whose_ramps_last_one_swing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """0.39336 deg/s2 within 1/2.5 s take 0.983 deg/s3."""
+    machine, calibration = default_machine(), improved_machine().calibration
+    assert calibration is not None
+    identified = calibration.identified.model_copy(update={"swing_hz": 2.5})
+    calibration = calibration.model_copy(update={"identified": identified})
+    monkeypatch.setattr(text, "lead_lines", lambda _: [])
+    found: Any = SimpleNamespace(recording=SimpleNamespace(axis_time_s=1560.0), residual_deg=1e-4)
+    _show(tmp_path / "c.toml", machine, calibration, found, [])
+    told = capsys.readouterr().out
+    assert "First mode with the motor held: 2.50 Hz." in told
+    assert "jerk_deg_s3 = 0.983 with the present acc_deg_s2 = 0.3934" in told

@@ -6,6 +6,7 @@ from gantryctl.engineering.sizing.chain import machine_values
 from gantryctl.engineering.sizing.checks import fit
 from gantryctl.engineering.sizing.duty import duty
 from gantryctl.engineering.sizing.loading import load_sheet
+from gantryctl.engineering.sizing.text import further_table
 from gantryctl.engineering.sizing.train import Train
 
 
@@ -41,3 +42,24 @@ def test_what_comes_back_in_a_day_is_that_of_its_cycles_over_all_of_its_hours(sh
     day = duty(Train(sheet, paper_motor.motor.inertia_kg_m2))
     assert day.returned_j == pytest.approx(5387.0, rel=1e-3)
     assert day.returned_mean_w == pytest.approx(40.0 * 5387.0 / (12.0 * 3600.0), rel=1e-3)
+
+
+def test_the_reducer_bears_the_rollers_too_and_the_motor_what_the_moment_drives(sheet, paper_motor):
+    """Reducer: (2.18e6 x 0.0068654 + 5e4 + 6000 + 2e4 x 0.10472) / 13, the first twice where it swings.
+
+    Braking with 0.10472 rad/s2, the moment driving, each N m at the motor: load (-2.18e6 x 0.10472 - 5e4 + 6000 + 2094)
+    / 1144 = -236.2, of which a tenth is lost, rotor and input -0.362 x 119.8 = -43.4, friction 9.1; at 119.8 rad/s.
+    """
+    train = Train(sheet, paper_motor.motor.inertia_kg_m2)
+    assert train.reducer_nm(train.normal_acc_rad_s2) == pytest.approx(5620.1, abs=0.5)
+    assert train.reducer_nm(train.normal_acc_rad_s2, 2.0) == pytest.approx(6771.4, abs=0.5)
+    assert train.braking_power_w == pytest.approx((0.9 * 236.2 + 43.4 - 9.1) * 119.8, rel=1e-3)
+
+
+def test_of_what_comes_back_the_supply_gets_less(sheet, paper_motor):
+    """5387 J and 4.99 W at the shaft, 29.6 kW at most, of which a motor with an efficiency of a half gives half."""
+    halved = paper_motor.motor.model_copy(update={"efficiency": 0.5})
+    fitted = fit(sheet, paper_motor.model_copy(update={"motor": halved}))
+    rows = dict(further_table(fitted).rows)
+    assert rows["regeneration, electrical: per cycle; mean of the day"] == "2.7 kJ; 2.5 W"
+    assert rows["regeneration, largest: braking as in the sizing case"] == "14.8 kW"

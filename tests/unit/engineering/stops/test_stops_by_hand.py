@@ -10,6 +10,7 @@ import pytest
 from gantryctl.engineering.batch import Log
 from gantryctl.engineering.stops import limits
 from gantryctl.engineering.stops.certify import Certificate, QuickStops, certified_on
+from gantryctl.engineering.stops.page import quick_within
 from gantryctl.engineering.stops.run import StopCase, StopClass, StopResult, StopRow, _evaluate
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.text import certificate_lines, key_lines, stops_text, watch_lines
@@ -138,3 +139,17 @@ def test_a_loop_that_is_unstable_is_told_and_no_gentler_stop_proposed(
         limits.check_quick_stop.__wrapped__(machine)
     (problem,) = refused.value.problems
     assert told in problem
+
+
+@pytest.mark.parametrize(
+    ("quick_deg", "kept"), [((3.6, 1.0), True), ((3.7, 1.0), False), ((1.0, float("nan")), False)]
+)
+def test_every_quick_stop_is_judged_with_the_way_before_it_begins(
+    quick_deg: tuple[float, float], kept: bool
+) -> None:
+    """60 ms of 6 deg/s are 0.36 deg: 3.7 deg are 4.06 of the 4 that the reference gantry permits."""
+    stops = [STOP._replace(speed_deg_s=6.0, angle_deg=angle) for angle in quick_deg]
+    # What the other classes take is shown, and judges nothing.
+    stops.append(STOP._replace(stop_class=StopClass.NORMAL, angle_deg=46.0))
+    rows = [StopRow(stop, stop.angle_deg + 0.36, inspect=False) for stop in stops]
+    assert quick_within(default_machine(), rows) is kept

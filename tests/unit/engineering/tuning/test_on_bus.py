@@ -7,15 +7,19 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
+import numpy as np
 import pytest
 
+from gantryctl.cli.engineering.tune import _show_on_bus
 from gantryctl.engineering.analysis.measured.on_engine import experiment
+from gantryctl.engineering.analysis.measured.response import MeasuredResponse
 from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop
 from gantryctl.engineering.identification.measure import quiet_machine
 from gantryctl.engineering.tuning.gains import Gains, machine_with
 from gantryctl.engineering.tuning.on_bus import (
     DriveFigures,
     TuningSession,
+    _sensitivity,
     begin,
     end,
     load_session,
@@ -63,11 +67,35 @@ def after(kvp: float, tvi_s: float, sensitivity: float) -> TuningSession:
         (after(105.0, 0.003, 2.5), False),
         (after(float("nan"), 0.003, 1.2), False),
         (after(105.0, 0.003, float("nan")), False),
+        # 15 % of Kvp and 25 % of Tvi either way.
+        (after(91.0, 0.0037, 1.2), True),
+        (after(87.0, 0.003, 1.2), False),
+        (after(105.0, 0.0021, 1.2), False),
     ],
-    ids=["as proposed", "the drive as it was", "Tvi as it was", "a loop that rings", "no gain", "no peak"],
-)
+    ids=["as proposed", "the drive as it was", "Tvi as it was", "a loop that rings", "no gain", "no peak",
+         "about as proposed", "Kvp too small", "Tvi too small"],
+)  # fmt: skip
 def test_the_second_half_passes_only_what_was_proposed(session: TuningSession, passed: bool) -> None:
     assert session.passed is passed
+
+
+def test_the_sensitivity_is_the_largest_of_the_lines_that_stand_above_their_noise() -> None:
+    """L = -0.5 makes 2 at 10 Hz; -0.9 would make 10 at 20 Hz, where nothing was heard."""
+    lines = SimpleNamespace(position_open=np.array([0.0, -0.5, -0.9]), hz=np.array([5.0, 10.0, 20.0]))
+    heard = SimpleNamespace(measured=lines, trusted=np.array([1.0, 1.0, 0.0]))
+    assert _sensitivity(cast(MeasuredResponse, heard)) == (2.0, 10.0)
+    with pytest.raises(UsageError, match=r"no line .* stands above its noise"):
+        _sensitivity(cast(MeasuredResponse, SimpleNamespace(measured=lines, trusted=np.zeros(3))))
+
+
+def test_the_factors_that_a_person_enters_in_the_maker_s_tool(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Kvp from 80 to 105 is x 1.3125; the integral gain Kvp/Tvi from 80/9.3 ms to 105/3 ms is x 4.069."""
+    _show_on_bus(SESSION, tmp_path)
+    told = " ".join(capsys.readouterr().out.split())
+    assert "--kp-times 1.312 --ki-times 4.069 --save" in told
+    assert "proportional gain x 1.312, integral gain (where it is one of its own) x 4.069" in told
 
 
 def test_a_session_waits_for_its_second_half(tmp_path: Path) -> None:
