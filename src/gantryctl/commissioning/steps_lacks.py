@@ -8,10 +8,12 @@ from typing import Final, NamedTuple
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged
 from gantryctl.commissioning.stopping.quick_stop import (
+    CRUISE_S,
     QuickStop,
     measure_quick_stop,
     permitted_way_deg,
     trial_acc_deg_s2,
+    trial_speed_deg_s,
 )
 from gantryctl.engineering.stops.run import StopClass, StopResult, within_ratings, worst_stop
 from gantryctl.errors import AlarmStop
@@ -21,7 +23,6 @@ from gantryctl.wiring.program import untestable
 
 # Rising: a ramp that is too hard for motor or reducer shows at a speed that hurts neither.
 _SPEEDS: Final = (0.3, 0.6, 1.0, 2.0, 3.0)
-_CRUISE_S: Final = 0.5
 _SPARE_DEG: Final = 0.3
 # A ramp of a fixed time is as much harder as the speed is higher; one of a fixed deceleration stays as it is.
 _FIXED_TIME: Final = 0.75
@@ -47,7 +48,8 @@ def ramp(c: Context) -> StepResult:
     top, wanted = c.machine.speed.setting_max_deg_s, c.machine.virtual_axis.quick_dec_deg_s2
     seen: list[_Ramp] = []
     figures: dict[str, Figure] = {}
-    for number, speed in enumerate([speed for speed in _SPEEDS if speed <= top] or [top]):
+    fastest = trial_speed_deg_s(c.machine)
+    for number, speed in enumerate([speed for speed in _SPEEDS if speed <= fastest] or [fastest]):
         try:
             # Forward and back: the gantry ends near where it began.
             seen.append(_Ramp(speed, _stop_from(c, speed if number % 2 == 0 else -speed)))
@@ -79,11 +81,11 @@ def _stop_from(c: Context, speed: float) -> QuickStop:
     softest = c.machine.virtual_axis.jog_release_dec_deg_s2
     way = permitted_way_deg(speed, softest)
     acc = trial_acc_deg_s2(c.machine)
-    leash = speed * speed / (2.0 * acc) + _CRUISE_S * abs(speed) + way + _SPARE_DEG
+    leash = speed * speed / (2.0 * acc) + CRUISE_S * abs(speed) + way + _SPARE_DEG
     with open_loop_axis(c, leash, f"quick stop from {speed:+g} deg/s") as axis:
         axis.enable()
         axis.ramp_to(speed, acc)
-        axis.run(_CRUISE_S, speed_deg_s=speed)
+        axis.run(CRUISE_S, speed_deg_s=speed)
         return measure_quick_stop(axis, speed, softest)
 
 

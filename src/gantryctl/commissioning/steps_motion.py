@@ -14,10 +14,12 @@ from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis,
 from gantryctl.commissioning.pictures import POINTS, MotionSample
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged
 from gantryctl.commissioning.stopping.quick_stop import (
+    CRUISE_S,
     computed_way_deg,
     measure_quick_stop,
     permitted_way_deg,
     trial_acc_deg_s2,
+    trial_speed_deg_s,
 )
 from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, watched_ways
 from gantryctl.engineering.report.pictures import Panel, Picture, line
@@ -34,11 +36,13 @@ from gantryctl.trace.table import Trace
 from gantryctl.units import deg
 
 _SMALL_DEG: Final = 1.0
-# As far as the axis may turn so fast.
+# As far as the axis may turn so fast, and stops near enough.
 _STOP_SPEEDS: Final = (1.0, 3.0)
-_CRUISE_S: Final = 0.5
 # Beyond ramp, cruise and permitted stop: lag of the drive, sag when the brake opens and closes.
 _LEASH_SPARE_DEG: Final = 0.3
+# A key is held for so long, or for so far.
+_JOG_S: Final = 3.0
+_JOG_WAY_DEG: Final = 8.0
 # The load swings on by up to so much after a stop (power/sequence.py).
 _SWING_DEG_S: Final = 0.53
 # Of the deceleration that was set: ripple of the ramp as the virtual drive shows it, 3 % at 1 deg/s.
@@ -148,9 +152,9 @@ def stops(c: Context) -> StepResult:
 
 
 def _stop_speeds(machine: Machine) -> tuple[float, float]:
-    """1 and 3 deg/s; of an axis that is not so fast its highest setting, and half of that at most."""
+    """1 and 3 deg/s; where the axis is not so fast, or stops too far, what it permits, and half of that at most."""
     slow, fast = _STOP_SPEEDS
-    fast = min(fast, machine.speed.setting_max_deg_s)
+    fast = min(fast, trial_speed_deg_s(machine))
     return min(slow, 0.5 * fast), fast
 
 
@@ -168,11 +172,11 @@ def _add(
 def _at_speed(c: Context, what: str, speed: float, way_deg: float) -> Iterator[OpenLoopAxis]:
     """The axis at a speed, with the position loop open, on a leash that ends with the permitted stop."""
     acc = trial_acc_deg_s2(c.machine)
-    leash = speed * speed / (2.0 * acc) + _CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
+    leash = speed * speed / (2.0 * acc) + CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
     with open_loop_axis(c, leash, f"{what} from {speed:+g} deg/s") as axis:
         axis.enable()
         axis.ramp_to(speed, acc)
-        axis.run(_CRUISE_S, speed_deg_s=speed)
+        axis.run(CRUISE_S, speed_deg_s=speed)
         yield axis
 
 
@@ -246,7 +250,7 @@ def _unbraked_way_deg(c: Context) -> float:
 def _jog_release(c: Context, speed: float) -> float:
     """Measure a jog release: from the end of constant speed to rest."""
     with _recorded_run(c, f"jog release from {speed:g} deg/s") as (run, recorder):
-        run.jog(run.angle_deg < c.machine.axis.start_angle_deg, speed, 3.0)
+        run.jog(run.angle_deg < c.machine.axis.start_angle_deg, speed, min(_JOG_S, _JOG_WAY_DEG / speed))
     trace = recorder.trace()
     vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
     # From the last scan at full speed, as the jog key is let go there.

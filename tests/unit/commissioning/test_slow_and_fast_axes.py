@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gantryctl.commissioning import steps_motion, steps_power, steps_sign
 from gantryctl.commissioning.load_side import ring
 from gantryctl.commissioning.results import Outcome
 from gantryctl.commissioning.steps_lacks import _stop_from, ramp
+from gantryctl.commissioning.stopping.quick_stop import trial_speed_deg_s
 from gantryctl.image import DriveRequest
 from gantryctl.machine import Machine, with_values
 from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, context, opens
@@ -49,6 +53,46 @@ def test_stops_are_shown_up_to_the_highest_setting(
     monkeypatch.setattr(steps_motion, "_jog_release", lambda c, speed: 0.01)
     steps_motion.stops(context(axis_with(top_deg_s, speed__setting_min_deg_s=0.5)))
     assert asked == speeds
+
+
+@pytest.mark.parametrize(
+    ("release_deg_s2", "quick_deg_s2", "fastest"), [(2.0, 5.4, 3.6), (0.5, 0.73, 2.2), (0.4, 5.4, 2.5)]
+)
+def test_a_trial_stop_takes_ten_degrees_at_most(
+    release_deg_s2: float, quick_deg_s2: float, fastest: float
+) -> None:
+    """Ramps up and down, half a second between them and 60 ms of reaction; the second one is a crane."""
+    changes = {"jog_release_dec_deg_s2": release_deg_s2, "quick_dec_deg_s2": quick_deg_s2, "acc_deg_s2": 0.3,
+               "dec_deg_s2": 0.3}  # fmt: skip
+    named = {f"virtual_axis.{name}": value for name, value in changes.items()}
+    machine = with_values(
+        MACHINE,
+        {
+            "speed.setting_max_deg_s": 3.6,
+            "required.stopping_angle_deg": 10.0,
+            **named,
+            "axis.mechanical_stop_min_deg": -195.0,
+            "axis.mechanical_stop_max_deg": 195.0,
+        },
+    )
+    found = trial_speed_deg_s(machine)
+    assert found == fastest
+    # In whole tenths: 0.1 deg/s more takes half a degree.
+    way = found**2 / (2.0 * min(1.0, release_deg_s2)) + 0.56 * found + found**2 / (2.0 * quick_deg_s2)
+    assert 9.2 < way <= 10.0
+
+
+@pytest.mark.parametrize(("speed", "held_s"), [(0.6, 3.0), (6.0, 1.333)])
+def test_a_key_is_held_no_further_than_eight_degrees(
+    monkeypatch: pytest.MonkeyPatch, speed: float, held_s: float
+) -> None:
+    asked: list[tuple[float, float]] = []
+    run = SimpleNamespace(angle_deg=0.0, jog=lambda forward, speed, seconds: asked.append((speed, seconds)))
+    trace = {"vel_ref_rad_s": np.array([1.0, 0.0]), "pos_act_rad": np.array([0.0, 0.1])}
+    recorder = SimpleNamespace(trace=lambda: trace)
+    monkeypatch.setattr(steps_motion, "_recorded_run", lambda c, part: nullcontext((run, recorder)))
+    steps_motion._jog_release(context(), speed)
+    assert asked == [(speed, pytest.approx(held_s, abs=0.001))]
 
 
 @pytest.mark.parametrize(("release_deg_s2", "most"), [(2.0, 1.0), (0.5, 0.5)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, state_name
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import Machine
 from gantryctl.machine.derived import rigid_stop
-from gantryctl.machine.rules.reaction import REACTION_S
+from gantryctl.machine.rules.reaction import REACTION_S, permitted_speed_deg_s
 
 # A command acts at the next SYNC and shows at the one after; two scans more are granted (decision 0012).
 _SHOWN_SCANS: Final = 4
@@ -21,8 +22,10 @@ _TURNING_DEG_S: Final = 0.1
 # Part of the speed between which the deceleration is fitted: begin and end of the ramp are rounded.
 _FITTED: Final = (0.9, 0.2)
 _LEAST_SAMPLES: Final = 3
-# To the speed of a trial stop.
+# Of a trial stop: acceleration to its speed, time at it, and what it takes of the travel with both ramps.
 _ACC_DEG_S2: Final = 1.0
+CRUISE_S: Final = 0.5
+_WAY_DEG: Final = 10.0
 
 
 class QuickStop(NamedTuple):
@@ -42,6 +45,14 @@ class QuickStop(NamedTuple):
 def trial_acc_deg_s2(machine: Machine) -> float:
     """Acceleration to the speed of a trial stop: no harder than the ramp of a jog key that is let go."""
     return min(_ACC_DEG_S2, machine.virtual_axis.jog_release_dec_deg_s2)
+
+
+def trial_speed_deg_s(machine: Machine) -> float:
+    """Highest speed of a trial stop: that of the axis, or the one that is reached, held and stopped within 10 deg."""
+    ramps = 0.5 / trial_acc_deg_s2(machine) + 0.5 / machine.virtual_axis.quick_dec_deg_s2
+    held_s = CRUISE_S + REACTION_S
+    fits = (math.sqrt(held_s * held_s + 4.0 * ramps * _WAY_DEG) - held_s) / (2.0 * ramps)
+    return min(machine.speed.setting_max_deg_s, permitted_speed_deg_s(fits))
 
 
 def permitted_way_deg(speed_deg_s: float, dec_deg_s2: float, delay_s: float = 0.0) -> float:
