@@ -187,10 +187,11 @@ def _write(data: bytes, dest: Path, force: bool) -> None:
 def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     """Check FILE (default: the reference machine); every problem is one line, exit code 2.
 
-    Fields, rules between keys, calibration, and the quick stop on the full plant: what is ok here, `move` takes.
+    Fields, rules between keys, calibration, and the quick stop on the full plant: what is ok here, `move` takes. What
+    it takes and then ends in an alarm is a line of its own, a warning.
     """
     from gantryctl.errors import ConfigError
-    from gantryctl.machine import RULES, load_machine, origins, short_hash
+    from gantryctl.machine import RULES, load_machine, origins, short_hash, warnings_of
 
     path = _chosen(file, option)
     try:
@@ -200,9 +201,17 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
         if as_json:
             print_json({"file": str(path), "ok": False, "problems": error.problems})
         raise
+    warnings = warnings_of(machine)
     if as_json:
         print_json(
-            {"file": str(path), "ok": True, "name": machine.name, "hash": _hash(machine), "problems": []}
+            {
+                "file": str(path),
+                "ok": True,
+                "name": machine.name,
+                "hash": _hash(machine),
+                "problems": [],
+                "warnings": warnings,
+            }
         )
         return
     # What was not given is a default: the machine itself (travel, ratios, motor, encoder) has none (decision 0004).
@@ -212,6 +221,8 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
         f"{path}: ok: {machine.name}, {len(origin) - origin.count('default')} keys given{guesses}, "
         f"{origin.count('default')} by default, {len(RULES)} rules between keys, hash {short_hash(machine)}"
     )
+    for line in warnings:
+        click.echo(f"warning: {line}")
 
 
 @config.command()

@@ -32,7 +32,7 @@ def set_value(key: str, value: str, file: Path | None) -> None:
     """
     from gantryctl.errors import UsageError
     from gantryctl.files import check_place, write_whole
-    from gantryctl.machine import field_specs, load_machine, show_value
+    from gantryctl.machine import field_specs, load_machine, show_value, warnings_of
     from gantryctl.machine.specs import value_at
 
     if file is None:
@@ -47,6 +47,8 @@ def set_value(key: str, value: str, file: Path | None) -> None:
     write_whole(file, text)
     spec, after = field_specs()[key], value_at(machine, key)
     click.echo(f"{file}: {spec.place}: {show_value(before)} -> {show_value(after)}{spec.unit_text}")
+    for line in warnings_of(machine):
+        click.echo(f"warning: {line}")
 
 
 def check_whole(machine: Machine) -> None:

@@ -162,14 +162,19 @@ def to_service(service: bool, config_file: Path | None) -> bool:
 def proven_machine(config_file: Path | None) -> Machine:
     """Load a machine file whose quick stop the full plant can give: for every command that moves.
 
+    What the file asks for and then ends in an alarm is told on standard error.
+
     Raises:
         ConfigError: fields, rules, or a quick stop that motor or reducer cannot give.
     """
     # Rules of the machine file are static (decision 0004); what a stop costs needs the plant: compliance, reducer.
     from gantryctl.engineering.stops import check_quick_stop
+    from gantryctl.machine import warnings_of
 
     machine = machine_of(config_file)
     check_quick_stop(machine, propose=True)
+    for line in warnings_of(machine):
+        click.echo(f"warning: {machine.name}: {line}", err=True)
     return machine
 
 

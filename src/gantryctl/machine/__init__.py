@@ -35,7 +35,7 @@ from gantryctl.machine.loading import (
     parse_machine,
     with_values,
 )
-from gantryctl.machine.problems import RULES, show_value
+from gantryctl.machine.problems import ADVICE, RULES, show_value, warnings_of
 from gantryctl.machine.reference import is_reference_machine
 from gantryctl.machine.requirement import (
     Requirement,
@@ -47,6 +47,7 @@ from gantryctl.machine.specs import FieldSpec, field_specs
 from gantryctl.machine.tables.model import Machine
 
 __all__ = [
+    "ADVICE",
     "NUMBERS",
     "RULES",
     "Calibration",
@@ -79,5 +80,6 @@ __all__ = [
     "required_stopping_angle",
     "short_hash",
     "show_value",
+    "warnings_of",
     "with_values",
 ]

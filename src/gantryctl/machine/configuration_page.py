@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from string import Template
 
-from gantryctl.machine.problems import RULES, show_value
+from gantryctl.machine.problems import ADVICE, RULES, show_value
 from gantryctl.machine.reading import MAX_BYTES, MAX_DEPTH, MAX_LINE
 from gantryctl.machine.specs import FieldSpec, field_specs, table_models
 
@@ -23,8 +23,11 @@ def reference_page() -> str:
             meaning = (model.__doc__ or "").strip().partition(": ")[2]
             parts += [f"## `[{path}]`\n", f"{meaning[:1].upper()}{meaning[1:]}\n"]
             parts += ["| key | default | allowed | from | meaning |\n|---|---|---|---|---|", *rows, ""]
-    keys = {rule: ", ".join(f"`{path}`" for path in rule.paths) for rule in RULES}
-    rules = "\n".join(f"| {rule.sentence} | {named} |" for rule, named in keys.items())
+    keys = {rule: ", ".join(f"`{path}`" for path in rule.paths) for rule in (*RULES, *ADVICE)}
+    rules = "\n".join(
+        f"| {'Warned of: ' if rule in ADVICE else ''}{rule.sentence} | {named} |"
+        for rule, named in keys.items()
+    )
     prose = Template(Path(__file__).with_suffix(".md").read_text(encoding="utf-8"))
     bounds = {"file_kb": MAX_BYTES // 1024, "line": MAX_LINE, "depth": MAX_DEPTH}
     return prose.substitute(bounds, tables="\n".join(parts), rules=rules)

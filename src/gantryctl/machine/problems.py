@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 
 from gantryctl.machine.reading import Data, printable
 from gantryctl.machine.rules import axis, can, compensation, monitors, nodes, parts, plant, reaction
-from gantryctl.machine.rules.book import REGISTERED, Limit, Rule, violations
+from gantryctl.machine.rules.book import ADVISED, REGISTERED, Limit, Rule, violations
 from gantryctl.machine.specs import FieldSpec, field_specs, table_models, value_at
 from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import Machine
@@ -69,6 +69,9 @@ _CHAPTERS: Final = [
 RULES: Final[tuple[Rule, ...]] = tuple(
     sorted(REGISTERED, key=lambda rule: _CHAPTERS.index(rule.check.__module__))
 )
+
+
+ADVICE: Final[tuple[Rule, ...]] = tuple(ADVISED)
 
 
 def show_value(value: object, longest: int | None = 60) -> str:
@@ -266,6 +269,11 @@ def contradictions(machine: Machine, name: str, unusable: Collection[str] = ()) 
     silent = {path for path in keys if any(f"{path}.".startswith(f"{bad}.") for bad in unusable)}
     usable = [rule for rule in RULES if silent.isdisjoint(rule.paths)]
     return [f"{name}: {_broken(machine, rule, wrong)}" for rule, wrong in violations(machine, usable)]
+
+
+def warnings_of(machine: Machine) -> list[str]:
+    """One line per advice that a machine does not follow, `[table] key = value: what it costs; against ...`."""
+    return [_broken(machine, rule, wrong) for rule, wrong in violations(machine, ADVICE)]
 
 
 def _broken(machine: Machine, rule: Rule, wrong: Limit | str) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+import gantryctl
 from gantryctl.errors import ConfigError
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, default_machine, warnings_of, with_values
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.parts import rigid_inertia_kg_m2, torque_motors
 from gantryctl.machine.rules.reaction import (
@@ -54,6 +55,52 @@ def test_an_acceleration_alone_warns_nobody(changes: dict[str, object], least_de
     for factor, fits in ((1.001, True), (0.999, False)):
         found = broken(small | {"monitors.following_error_base_deg": factor * least_deg})
         assert any(told in each for each in found) is not fits
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        # 6 deg/s / 10 per s = 0.6 deg without feed-forward; 0.03 + 0.012 x 6 = 0.102 deg trip, 0.051 deg warn: 8.5 %.
+        ({"control.kvf": 0.915}, ""),
+        ({"control.kvf": 1.085}, ""),
+        ({"control.kvf": 0.914}, "the axis is behind its set-point by 0.0516 deg"),
+        # 0.015 + 0.006 v = 0.0086 v at 5.769 deg/s.
+        ({"control.kvf": 1.086}, "0.051 deg warns (CTL-12) in every motion at this speed; set kvf to 1 (0.915 .. "
+         "1.085 holds), a higher kpp_per_s, or no speed above 5.769 deg/s"),
+        ({"control.kvf": 1.169}, "0.051 deg warns (CTL-12)"),
+        ({"control.kvf": 1.171}, "ahead of its set-point by 0.103 deg (|1 - kvf| x speed / kpp_per_s), and 0.102 deg "
+         "trips (CTL-03)"),
+        ({"control.kvf": 0.829}, "0.102 deg trips (CTL-03): no motion at this speed ends by itself"),
+        # Half as stiff keeps twice as much: 4.25 % either side.
+        ({"control.kvf": 0.958, "control.kpp_per_s": 5.0}, ""),
+        ({"control.kvf": 0.957, "control.kpp_per_s": 5.0}, "(0.958 .. 1.042 holds)"),
+        # 0.03 + 0.012 x 3 = 0.066 deg trip, 0.033 deg of 0.3 deg warn: 11 %.
+        ({"control.kvf": 0.89, "speed.setting_max_deg_s": 3.0}, ""),
+        ({"control.kvf": 0.889, "speed.setting_max_deg_s": 3.0}, "at 3 deg/s the axis is behind"),
+        ({"control.kvf": 0.864, "monitors.following_error_warning_ratio": 0.8}, ""),
+        ({"control.kvf": 0.863, "monitors.following_error_warning_ratio": 0.8}, "0.0816 deg warns"),
+        ({"control.kvf": 0.0, "control.kpp_per_s": 300.0, "drive.kind": "ideal"}, ""),
+    ],
+)  # fmt: skip
+def test_what_a_cruise_lags_by_is_told_with_its_limit_and_a_way_out(
+    changes: dict[str, object], told: str
+) -> None:
+    lines = warnings_of(with_values(MACHINE, changes))
+    assert [told in line for line in lines] == ([True] if told else [])
+
+
+@pytest.mark.parametrize(("kvf", "alarms"), [(0.80, 0), (1.20, 0), (0.77, 1), (1.23, 1)])
+def test_a_cruise_that_is_not_warned_of_gives_no_alarm(kvf: float, alarms: int) -> None:
+    """1 deg/s: 0.042 deg trip, 0.021 deg of 0.1 deg warn; friction and gear take 0.001 deg of it."""
+    machine = with_values(
+        MACHINE,
+        {
+            "control.kvf": kvf, "control.scan_period_ms": 10.0, "speed.setting_max_deg_s": 1.0,
+            "monitors.velocity_deviation_deg_s": 0.5, "accuracy.speeds_deg_s": (),
+        },
+    )  # fmt: skip
+    assert len(warnings_of(machine)) == alarms
+    assert gantryctl.move(machine, 4.0).trace["alarm_count"].max() == alarms
 
 
 @pytest.mark.parametrize("end", ["over_travel_min_deg", "over_travel_max_deg"])

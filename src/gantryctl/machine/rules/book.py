@@ -48,6 +48,8 @@ RATIO: Final = ("axis.reducer_ratio", "axis.ring_ratio")
 
 # Filled by the chapters beside this file when they are imported: the model's validator knows this list and no chapter.
 REGISTERED: Final[list[Rule]] = []
+# What is told and not refused: a search of gains, and who tries what happens, come by such a machine.
+ADVISED: Final[list[Rule]] = []
 
 
 def rule(*paths: str) -> Callable[[Check], Check]:
@@ -55,6 +57,16 @@ def rule(*paths: str) -> Callable[[Check], Check]:
 
     def register(check: Check) -> Check:
         REGISTERED.append(Rule(paths, check))
+        return check
+
+    return register
+
+
+def advice(*paths: str) -> Callable[[Check], Check]:
+    """Register a check whose message is a warning: the machine is taken as it is."""
+
+    def register(check: Check) -> Check:
+        ADVISED.append(Rule(paths, check))
         return check
 
     return register

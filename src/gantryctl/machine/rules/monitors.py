@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
-from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, linear_rule, rule
+from gantryctl.machine.rules.book import (
+    RATIO,
+    Broken,
+    above,
+    advice,
+    at_least,
+    at_most,
+    below,
+    linear_rule,
+    rule,
+)
 from gantryctl.machine.tables.model import Machine
 
 COUNT = ("encoder.counts_per_turn", *RATIO)
@@ -70,6 +81,41 @@ def following_error_beyond_accelerations(m: Machine) -> Broken:
     least = steepest * late_s / (m.control.kpp_per_s * m.monitors.following_error_warning_ratio)
     why = "or every acceleration warns; a shorter scan, a gentler ramp or a stiffer loop needs less"
     return at_least(m.monitors.following_error_base_deg, least, why)
+
+
+@advice(
+    "control.kvf",
+    "control.kpp_per_s",
+    "speed.setting_max_deg_s",
+    "monitors.following_error_base_deg",
+    "monitors.following_error_per_speed_s",
+    "monitors.following_error_warning_ratio",
+)
+def following_error_beyond_cruise(m: Machine) -> Broken:
+    """At the highest setting a P loop keeps |1 - Kvf| x speed / Kpp of following error: within the band that warns."""
+    control, monitors, speed = m.control, m.monitors, m.speed.setting_max_deg_s
+    trips = monitors.following_error_base_deg + monitors.following_error_per_speed_s * speed
+    warns = monitors.following_error_warning_ratio * trips
+    kept = abs(1.0 - control.kvf) * speed / control.kpp_per_s
+    if kept <= warns * (1.0 + 1e-9):
+        return None
+    limit, ends = (
+        (trips, "trips (CTL-03): no motion at this speed ends by itself")
+        if kept > trips
+        else (warns, "warns (CTL-12) in every motion at this speed")
+    )
+    # The band at rest and its widening, against an error that grows with the speed alone.
+    ratio = monitors.following_error_warning_ratio
+    slowest = ratio * monitors.following_error_base_deg * speed
+    holds = slowest / (kept - ratio * monitors.following_error_per_speed_s * speed)
+    holds = math.floor(holds * 1e3 + 1e-6) / 1e3
+    off = warns * control.kpp_per_s / speed
+    low, high = max(0.0, math.ceil((1.0 - off) * 1e3) / 1e3), math.floor((1.0 + off) * 1e3) / 1e3
+    return (
+        f"at {speed:g} deg/s the axis is {'behind' if control.kvf < 1.0 else 'ahead of'} its set-point by "
+        f"{kept:.3g} deg (|1 - kvf| x speed / kpp_per_s), and {limit:.3g} deg {ends}; set kvf to 1 "
+        f"({low:g} .. {high:g} holds), a higher kpp_per_s, or no speed above {holds:g} deg/s"
+    )
 
 
 @rule("monitors.velocity_deviation_deg_s", "speed.setting_max_deg_s")
