@@ -265,8 +265,8 @@ RULES: Final[dict[type, Rules]] = {
         part="_hold_watch _ramp _rest _slip brake_test holding wear",
         # Of the proof only the twist has a state, and these settings do not judge it.
         clock="_off_s _pos_rad _torque_proof _turns_rad_s _twist",
-        fixed="_alarms _braced_scans _close_late_scans _close_scans _disabled_scans _disabling_scans _feedback "
-        "_open_late_scans _period_s _power_up_scans _sag_scans _settings _slip_scans _step_scans",
+        fixed="_alarms _braced_scans _brake_stop _close_late_scans _close_scans _disabled_scans _disabling_scans "
+        "_feedback _open_late_scans _period_s _power_up_scans _sag_scans _settings _slip_scans _step_scans",
         special={
             # Decided when ENABLING ends.
             "proof": lambda power, _: power.proof if power.phase in _PROVEN else None,
@@ -414,9 +414,10 @@ RULES: Final[dict[type, Rules]] = {
     ),
     StopRecord: Rules(
         same="finished",
-        clock="_angle_known _brake_scan _brake_unseen _counts _ramp_s _read_rad_s _slow_scan _stands_scan "
-        "_switching_on _torque_scan _torque_unseen _turned _turning_rad_s _turning_scan _was_open _was_torque alarm",
-        fixed="_log _period_s",
+        clock="_angle_known _brake_scan _brake_unseen _counts _ramp_s _read_rad_s _slow_scan _speed_known "
+        "_stands_scan _start_rad_s _switching_on _torque_scan _torque_unseen _turned _turning_rad_s _turning_scan "
+        "_was_open _was_torque alarm",
+        fixed="_brake_stop _log _period_s",
     ),
     Power: Rules(same="_enable _on", shown="error status", fixed="axis", unread=_BLOCK),
     Reset: Rules(same="_execute busy", shown="done error", fixed="axis", unread=_BLOCK),

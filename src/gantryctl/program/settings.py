@@ -279,6 +279,7 @@ class PowerSettings:
         holding_torque_nm: learned holding torque from retained memory: the preload at the first release.
         test_torque_nm: what the closed brake must bear both ways in a brake test.
         brake_torque_nm: of the closed brake.
+        brake_dec_least_rad_s2: slowest braking by which the highest speed keeps the permitted stopping angle.
         brake_stops_max: stops of a turning axis by the brake, from which on service is due.
         brake_by_drive: the drive works the brake by itself, and opens it as it is enabled.
         untestable: why the brake cannot be tested by the controller, or nothing.
@@ -306,6 +307,8 @@ class PowerSettings:
     # At least 1.3 times the check moment at the motor: 56.8 N m on the reference machine (decision 14).
     test_torque_nm: float = 70.0
     brake_torque_nm: float = 400.0
+    # 6 deg/s, 0.15 s of brake and 4 deg.
+    brake_dec_least_rad_s2: float = 5.8 * _DEG
     brake_stops_max: int = 1000
     brake_by_drive: bool = False
     untestable: Words | Said | None = None

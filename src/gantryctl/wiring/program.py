@@ -204,12 +204,20 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_feedback_time_s=monitors.brake_feedback_time_ms * _MS,
         test_torque_nm=brake.test_torque_nm,
         brake_torque_nm=brake.torque_nm,
+        brake_dec_least_rad_s2=rad(_brake_dec_least_deg_s2(machine)),
         brake_stops_max=brake.emergency_stops_max,
         # The simulated drive always obeys the brake command.
         brake_by_drive=machine.on_bus and brake.owner == "drive",
         untestable=untestable(machine, torque_preload),
         power_up_time_s=monitors.power_up_time_ms * _MS,
     )
+
+
+def _brake_dec_least_deg_s2(machine: Machine) -> float:
+    """v^2 / 2 (A - v t): what brakes less from the highest speed, behind a brake that takes t, leaves the angle A."""
+    speed = machine.speed.setting_max_deg_s
+    left_deg = machine.required.stopping_angle_deg - speed * machine.brake.close_time_ms * _MS
+    return 0.5 * speed**2 / left_deg if left_deg > 0.0 else math.inf
 
 
 def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | None:

@@ -1,5 +1,6 @@
 """HOLD and the way out of it, stops while the brake is still shut, and a load that falls where nothing may hold it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -264,6 +265,56 @@ def test_a_brake_that_does_not_stop_the_axis_is_told_in_the_scan_after_3_s(perio
         scans += 1
         assert scans < 3.1 / period_s
     assert scans == round(3.0 / period_s) + 1
+
+
+@pytest.mark.parametrize(
+    ("share", "told_s"),
+    [
+        # Half a second of swing, 0.3 s of rest and 0.15 s of brake; then (6 - 3) / 1 s, or as it was: 3 s.
+        (0.5, 3.95),
+        (1.0, 3.0),
+    ],
+)
+def test_torque_catches_no_slow_axis_that_its_brake_slows(share, told_s):
+    """6 deg/s and 1 deg/s2 at least, as a large crane."""
+    config = settings(period_s=0.01)
+    power = replace(config.power, brake_dec_least_rad_s2=rad(1.0))
+    rig = moving_rig(config=replace(config, power=power))
+    top = now = rig.drive.vel_rad_s
+
+    def slows(drive):
+        nonlocal now
+        if rig.axis.power.phase is P.TORQUE_OFF:  # by 1 deg/s a scan
+            now = max(share * top, now - top / 6.0)
+        rig.drive.pos_motor_rad += now * 0.01
+        return drive._replace(vel_act_rad_s=now)
+
+    rig.spoil = slows
+    rig.drive.inputs = DigitalInputs(estop_ok=False)
+    rig.step()
+    begin = rig.scan
+    rig.until(lambda: "BRK-11" in rig.codes, 5.0)
+    assert (rig.scan - begin) * 0.01 == pytest.approx(told_s, abs=0.021)
+
+
+@pytest.mark.parametrize(("dec_deg_s2", "ends_s"), [(5.8, 1.5), (1.0, 6.75)])
+def test_a_stop_by_the_brake_that_nobody_reads_lasts_as_long_as_the_axis_may_turn(dec_deg_s2, ends_s):
+    """0.15 s and 6.6 deg/s by the slowest braking of the axis, 1.5 s at least."""
+    config = settings(period_s=0.01)
+    power = replace(config.power, brake_dec_least_rad_s2=rad(dec_deg_s2))
+    rig = moving_rig(config=replace(config, power=power))
+    frozen, age = rig.drive.read(), 0
+
+    def silent(drive):
+        nonlocal age
+        age += 1
+        return frozen._replace(state=drive.state, age_scans=age, speed_age_scans=age)
+
+    rig.spoil = silent
+    rig.until(lambda: rig.axis.power.phase is P.TORQUE_OFF, 3.0)
+    begin = rig.scan
+    rig.until(lambda: rig.axis.power.phase is P.OFF, 8.0)
+    assert (rig.scan - begin) * 0.01 == pytest.approx(ends_s, abs=0.021)
 
 
 @BOTH

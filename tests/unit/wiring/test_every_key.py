@@ -43,6 +43,13 @@ Formula = Callable[[Machine], Any]
 Row = Mapping[str, "float | Formula"]
 
 # The reducer's ratio is everywhere where the motor's side is: 88 x 13.
+
+
+def _least(speed_deg_s: float, angle_deg: float, brake_s: float) -> float:
+    """Braking that stops in what is left of an angle behind the brake, rad/s2."""
+    return DEG * speed_deg_s**2 / (2.0 * (angle_deg - speed_deg_s * brake_s))
+
+
 RATIO_ROW: Row = {
     "program.law.ratio": lambda m: m.axis.reducer_ratio * m.axis.ring_ratio,
     "program.monitors.speed_reading_max_rad_s": lambda m: (
@@ -221,7 +228,14 @@ ROWS: dict[str, Row] = {
         "program.speed.setting_min_rad_s": DEG,
         "laws.observer_speed_rad_s": 0.1 * DEG,
     },
-    "speed.setting_max_deg_s": {"program.speed.setting_max_rad_s": DEG},
+    # v^2 / 2 (A - v t)
+    "speed.setting_max_deg_s": {
+        "program.speed.setting_max_rad_s": DEG,
+        "program.power.brake_dec_least_rad_s2": lambda m: _least(m.speed.setting_max_deg_s, 4.0, 0.15),
+    },
+    "required.stopping_angle_deg": {
+        "program.power.brake_dec_least_rad_s2": lambda m: _least(6.0, m.required.stopping_angle_deg, 0.15),
+    },
     "speed.creep_deg_s": {"program.speed.creep_rad_s": DEG},
     "speed.command_clamp_deg_s": {"program.speed.command_clamp_rad_s": DEG},
     "speed.drive_ceiling_deg_s": {"drive.vel_max_rad_s": DEG * RATIO, "bus.speed_ceiling_rad_s": DEG * RATIO},
@@ -352,6 +366,7 @@ ROWS: dict[str, Row] = {
         "program.power.brake_close_time_s": MS,
         "drive.brake_close_s": MS,
         "bus.brake_close_s": MS,
+        "program.power.brake_dec_least_rad_s2": lambda m: _least(6.0, 4.0, m.brake.close_time_ms * MS),
     },
     "brake.open_time_ms": {"program.power.brake_open_time_s": MS, "drive.brake_open_s": MS},
     "brake.hold": {"program.power.standstill": lambda _: StandstillPolicy.BRAKE},
@@ -633,7 +648,6 @@ ELSEWHERE = {
     "axis.mechanical_stop_max_deg": "rules between keys, gantryctl stops",
     "required.angle_deg": "verdicts of accuracy",
     "required.speed_error_ratio": "verdicts of the speed test",
-    "required.stopping_angle_deg": "rules between keys, gantryctl stops",
     "required.source": "shown beside verdicts",
     "control.compensation.calibration": "read with the file",
     **dict.fromkeys(

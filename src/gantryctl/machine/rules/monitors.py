@@ -100,9 +100,9 @@ def following_error_beyond_cruise(m: Machine) -> Broken:
     if kept <= warns * (1.0 + 1e-9):
         return None
     limit, ends = (
-        (trips, "trips (CTL-03): no motion at this speed ends by itself")
+        (trips, "trips: no motion at this speed ends by itself")
         if kept > trips
-        else (warns, "warns (CTL-12) in every motion at this speed")
+        else (warns, "warns in every motion at this speed")
     )
     # The band at rest and its widening, against an error that grows with the speed alone.
     ratio = monitors.following_error_warning_ratio

@@ -12,15 +12,17 @@ from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
 from gantryctl.program.power.phases import TORQUE_ON, PowerPhase
+from gantryctl.program.power.rest import BrakeStop
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
-# Torque goes within some scans. Torque off and brake stop the reference gantry from 6 deg/s within 0.9 s, and a stop
-# without a valid position is over after 1.5 s (power/sequence.py). Behind the ramp of a quick stop, which takes a crane
-# 5 s, brake and torque take less than 2 s.
+# Torque goes within some scans. Behind the ramp of a quick stop, which takes a crane 5 s, brake and torque take less
+# than 2 s.
 _TORQUE_OFF_S: Final = 0.5
-_BRAKE_STOP_S: Final = 2.0
+# Without a speed nobody sees a brake slow the axis. The reference gantry is at rest 0.9 s behind torque off from
+# 6 deg/s, and its stop without a valid position is over after 1.5 s (power/sequence.py).
+_BLIND_S: Final = 2.0
 _BEHIND_RAMP_S: Final = 3.0
 # What a drive that was told to enable shows while it may give torque already: one that owns its brake does so before it
 # shows Operation enabled, and of one that is not heard any more nobody knows.
@@ -44,9 +46,10 @@ class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
-        "_angle_known", "_brake_scan", "_brake_unseen", "_counts", "_log", "_period_s", "_ramp_s", "_read_rad_s",
-        "_slow_scan", "_stands_scan", "_switching_on", "_torque_scan", "_torque_unseen", "_turned",
-        "_turning_rad_s", "_turning_scan", "_was_open", "_was_torque", "alarm", "finished",
+        "_angle_known", "_brake_scan", "_brake_stop", "_brake_unseen", "_counts", "_log", "_period_s",
+        "_ramp_s", "_read_rad_s", "_slow_scan", "_speed_known", "_stands_scan", "_start_rad_s",
+        "_switching_on", "_torque_scan", "_torque_unseen", "_turned", "_turning_rad_s", "_turning_scan",
+        "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
     def __init__(
@@ -54,6 +57,7 @@ class StopRecord:
     ) -> None:
         self.alarm, self._log = alarm, log
         self._period_s = settings.period_s
+        self._brake_stop, self._start_rad_s = BrakeStop(settings), feedback.vel_rad_s
         # No sound axis is faster than that.
         trip, speed = settings.speed.overspeed_trip_rad_s, abs(feedback.vel_rad_s)
         self._ramp_s = (speed if speed <= trip else trip) / settings.ramps.quick_dec_rad_s2
@@ -64,7 +68,7 @@ class StopRecord:
         self._brake_scan = self._torque_scan = self._slow_scan = -1
         self._stands_scan, self._turning_scan = 0, -1 - _STANDS_SCANS
         self._counts = math.nan
-        self._angle_known = True
+        self._angle_known = self._speed_known = True
         self._torque_unseen = self._brake_unseen = self._turned = False
         self._turning_rad_s = self._read_rad_s = 0.0
         self.finished = False
@@ -89,6 +93,7 @@ class StopRecord:
                 self._torque_unseen = self._torque_unseen or held_up
         turning = not feedback.slow
         self._turning_rad_s = feedback.vel_rad_s if turning and feedback.speed_known else 0.0
+        self._speed_known = feedback.speed_known
         self._turned = self._turned or bool(self._turning_rad_s)
         if not feedback.speed_known or turning:
             self._slow_scan = -1
@@ -131,7 +136,12 @@ class StopRecord:
             return False
         if self.alarm.reaction is Reaction.QUICK_STOP:
             return time_s > self._ramp_s + _BEHIND_RAMP_S
-        return time_s > (_TORQUE_OFF_S if self._torque_scan < 0 else _BRAKE_STOP_S)
+        if self._torque_scan < 0:
+            return time_s > _TORQUE_OFF_S
+        if not self._speed_known:
+            return time_s > max(_BLIND_S, self._brake_stop.shown_s(0.0, 0.0))
+        # A brake that slows nothing is told as soon as a sound one would have shown it.
+        return time_s > self._brake_stop.shown_s(self._start_rad_s, self._turning_rad_s)
 
     def _steps(self, feedback: Feedback, pos_rad: float) -> tuple[Words | Said, ...]:
         alarm = self.alarm

@@ -67,6 +67,11 @@ class RampWatch:
         return True
 
     @property
+    def began_rad_s(self) -> float:
+        """Speed with which the phase began, whatever its direction."""
+        return self._vel_start
+
+    @property
     def left(self) -> bool:
         """The speed of the last scan was above the ramp."""
         return self._over_envelope > 0

@@ -14,7 +14,7 @@ from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
 from gantryctl.program.power.ramp_watch import STOP_TIME_S, RampWatch
-from gantryctl.program.power.rest import RestWatch
+from gantryctl.program.power.rest import BrakeStop, RestWatch
 from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.power.torque_proof import TorqueProof
 from gantryctl.program.power.twist import Twist
@@ -22,7 +22,7 @@ from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
-# Without a valid position the end of a brake stop is judged by time alone.
+# Without a valid position the end of a brake stop is judged by time alone: no sooner than this.
 _BLIND_STOP_S: Final = 1.5
 _UNLOAD_STEPS: Final = 3
 # A sound drive shows after two or three scans that its torque is off. One that owns its brake has the closing time of
@@ -65,6 +65,7 @@ class PowerSequence:
     __slots__ = (
         "_alarms",
         "_braced_scans",
+        "_brake_stop",
         "_close_late_scans",
         "_close_scans",
         "_count",
@@ -137,6 +138,7 @@ class PowerSequence:
         self._rest = RestWatch(settings, feedback)
         self._slip = SlipWatch(settings, feedback, alarms)
         self._ramp = RampWatch(settings, feedback)
+        self._brake_stop = BrakeStop(settings)
         self._hold_watch = HoldWatch(settings, feedback, alarms)
         self.brake_test = BrakeTest(
             power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
@@ -516,7 +518,7 @@ class PowerSequence:
         self._torque_kept(self._disabled_scans)
         elapsed_s = self._count * self._period_s
         if not self._feedback.position_valid:
-            if elapsed_s > _BLIND_STOP_S:
+            if elapsed_s > max(_BLIND_STOP_S, self._brake_stop.ends_s):
                 self._enter(PowerPhase.OFF)
             return
         # Behind an open brake the load turns the shaft on: what it turned before the torque was off proves nothing.
@@ -535,8 +537,10 @@ class PowerSequence:
         if rests and (not self._feedback.brake_open or brake_time_over):
             self._enter(PowerPhase.OFF)
         elif elapsed_s > STOP_TIME_S:
-            speed = deg(abs(self._feedback.vel_rad_s))
-            self._alarms.raise_(Code.BRK_11, measured=speed, time_s=elapsed_s)
+            speed = abs(self._feedback.vel_rad_s)
+            # A slow axis whose brake slows it is not caught by torque.
+            if elapsed_s > self._brake_stop.shown_s(self._ramp.began_rad_s, speed):
+                self._alarms.raise_(Code.BRK_11, measured=deg(speed), time_s=elapsed_s)
 
     def _torque_hold(self, pos_rad: float) -> None:
         """Give the preload back, at zero speed, once the drive is enabled; judge whether that holds the load."""
