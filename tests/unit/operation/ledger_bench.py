@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.operation.ledger import LedgerRow, Proofs
 from gantryctl.operation.ledger.acceptance import (
@@ -43,7 +43,8 @@ def changed(facts: DriveFacts, **objects: int | None) -> DriveFacts:
         if value is None:
             table.pop(place, None)
         else:
-            table[place] = replace(table[place], default=value, writable=False)
+            known = table.get(place, ObjectFact(True, False, value))
+            table[place] = replace(known, default=value, writable=False)
     return replace(facts, objects=table)
 
 

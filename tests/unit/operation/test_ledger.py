@@ -146,6 +146,10 @@ TORQUE = with_values(REAL, {"can.torque_limit_in_drive_nm": 385.0})
         ("knows_counts", {"o608F_1": None}, REAL, ALL_PROVEN, PERSON),
         ("knows_speed_unit", {"o60A9": 0x00B4_4700}, REAL, Proofs(), FILE),
         ("knows_speed_unit", {"o60A9": None}, REAL, Proofs(), "sign"),
+        ("takes_plain_sync", {"o1019": 10}, REAL, Proofs(), NOBODY),
+        # A cycle of 4 ms.
+        ("takes_late_commands", {"o1007": 3999}, REAL, Proofs(), FILE),
+        ("is_heard", {"o1014": 0x80}, REAL, Proofs(), NOBODY),
     ],
 )
 def test_each_lack_is_for_one_to_end(
@@ -329,6 +333,29 @@ def test_scales_that_contradict_the_machine_are_lacking() -> None:
     row = row_of("knows_counts", no_608f)
     assert (row.standing, row.acceptable, row.proof) == (Standing.LACKING, True, "")
     assert row_of("knows_counts", changed(FACTS, o608F_1=None), proofs=Proofs()).proof == "sign"
+
+
+@pytest.mark.parametrize("held", [0x83, 0x8000_0080, 0x8000_0082, 0, 0x2000_0082])
+def test_emergency_messages_that_nobody_hears_are_told_with_their_cost(held: int) -> None:
+    row = row_of("is_heard", changed(FACTS, o1014=held))
+    assert (row.standing, row.by) == (Standing.MADE_UP, "6041")
+    assert f"1014 stays {held:X}h, wanted 82h: its emergency messages are not heard" in str(row.detail)
+
+
+def test_a_window_as_long_as_the_cycle_drops_no_command() -> None:
+    row = row_of("takes_late_commands", changed(FACTS, o1007=4000))
+    assert (row.standing, row.by) == (Standing.MADE_UP, "[control] scan_period_ms")
+    assert "a command that comes within the cycle counts" in str(row.detail)
+    narrow = row_of("takes_late_commands", changed(FACTS, o1007=2000))
+    assert "dropped, that of a stop too: [control] scan_period_ms must fit in" in str(narrow.detail)
+
+
+def test_a_drive_that_takes_what_is_written_has_no_row_of_sync_window_or_messages() -> None:
+    told = {"takes_plain_sync", "takes_late_commands", "is_heard"}
+    right = changed(FACTS, o1019=0, o1007=0, o1014=0x82)
+    without_any = changed(FACTS, o1019=None, o1007=None, o1014=None)
+    for facts in (FACTS, right, without_any):
+        assert told.isdisjoint(row.what for row in ledger(REAL, facts, ALL_PROVEN))
 
 
 def test_a_profile_of_another_maker_is_lacking() -> None:

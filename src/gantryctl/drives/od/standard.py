@@ -42,6 +42,7 @@ STANDARD: Final[dict[tuple[int, int], Standard]] = {
     (0x1018, 2): Standard("Product code", _U32, _RO),
     (0x1018, 3): Standard("Revision number", _U32, _RO),
     (0x1018, 4): Standard("Serial number", _U32, _RO),
+    (0x1019, 0): Standard("Synchronous counter overflow value", _U8, _RW),
     (0x1029, 1): Standard("Communication error", _U8, _RW),
     (0x1400, 1): Standard("COB-ID used by RPDO 1", _U32, _RW),
     (0x1400, 2): Standard("Transmission type of RPDO 1", _U8, _RW),

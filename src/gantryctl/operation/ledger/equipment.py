@@ -153,9 +153,45 @@ _CONSEQUENCES: Final = (
 )  # fmt: skip
 
 
+def sync_row(q: Question) -> LedgerRow | None:
+    """SYNC without a counter, where the drive can have one; None where it cannot."""
+    if q.verdict("1019:00") is not ParameterVerdict.FIXED:
+        return None
+    return _lacking("takes_plain_sync", costs(q.why_not("1019:00"), Words.LEDGER_COUNTED_SYNC))
+
+
+def window_row(q: Question) -> LedgerRow | None:
+    """Commands that count whenever they come in a cycle, where the drive has a window for them and keeps it."""
+    if q.verdict("1007:00") is not ParameterVerdict.FIXED:
+        return None
+    window_us = q.value("1007:00") or 0
+    why = q.why_not("1007:00")
+    if window_us >= round(1e3 * q.machine.control.scan_period_ms):
+        return _made_up("takes_late_commands", "[control] scan_period_ms", why, Words.LEDGER_WIDE_WINDOW)
+    detail = Clauses((costs(why, Words.LEDGER_NARROW_WINDOW),))
+    return LedgerRow("takes_late_commands", Standing.LACKING, "", detail, by_file=True)
+
+
+def emergency_row(q: Question) -> LedgerRow | None:
+    """Emergency messages under the identifier of the drive, where it keeps another one, or sends none."""
+    if q.verdict("1014:00") is not ParameterVerdict.FIXED:
+        return None
+    held, why = q.value("1014:00") or 0, q.why_not("1014:00")
+    if not held & _NO_MESSAGE and held & _IDENTIFIER == _SYNC:
+        return _lacking("is_heard", costs(why, Words.LEDGER_EMERGENCY_IS_SYNC))
+    return _made_up("is_heard", "6041", why, Words.LEDGER_WITHOUT_1014)
+
+
+# Of 1014, by CiA 301: bit 31, no message is sent; the identifier; and that of SYNC.
+_NO_MESSAGE: Final = 1 << 31
+_IDENTIFIER: Final = 0x1FFF_FFFF
+_SYNC: Final = 0x80
+
+
 def consequence_rows(q: Question) -> Iterator[LedgerRow]:
     """A row for each optional object that is missing, cannot be mapped, or holds another value for good."""
     facts = q.facts
+    yield from filter(None, (sync_row(q), window_row(q), emergency_row(q)))
     for index, sub, what, named, cost in _CONSEQUENCES:
         place = f"{index:04X}:{sub:02X}"
         name = place.removesuffix(":00")

@@ -587,6 +587,26 @@ class Words(Enum):
         "80h is taken for it; a drive without an answer is refused",
         "按 80h 处理；无应答的驱动器被拒绝",
     )
+    LEDGER_COUNTED_SYNC = (
+        "it expects a counter in SYNC, and this controller sends none",
+        "它要求 SYNC 带计数，而本控制器不发送计数",
+    )
+    LEDGER_WIDE_WINDOW = (
+        "a command that comes within the cycle counts",
+        "周期之内到达的指令有效",
+    )
+    LEDGER_NARROW_WINDOW = (
+        "a command that comes later after SYNC is dropped, that of a stop too: [control] scan_period_ms must fit in",
+        "SYNC 之后更晚到达的指令被丢弃，停止指令也一样：[control] scan_period_ms 须在其内",
+    )
+    LEDGER_EMERGENCY_IS_SYNC = (
+        "each of its fault messages would be a SYNC to every node",
+        "它的每条故障报文对所有节点都是一个 SYNC",
+    )
+    LEDGER_WITHOUT_1014 = (
+        "its emergency messages are not heard: a fault is told by its state, a warning without a bit not at all",
+        "收不到它的紧急报文：故障由其状态得知，没有状态位的警告则无从得知",
+    )
     LEDGER_WITHOUT_1006 = (
         "the drive has the period from 60C2, or from SYNC itself",
         "驱动器由 60C2 或 SYNC 本身得知周期",

@@ -9,7 +9,7 @@ import pytest
 from gantryctl.drives.canopen import mapping as m
 from gantryctl.drives.canopen.bus.node import NodeIdentity
 from gantryctl.drives.canopen.bus.sdo import SdoError
-from gantryctl.drives.canopen.nodes.bus_node import BusNode, NodeObject
+from gantryctl.drives.canopen.nodes.bus_node import BusNode, NodeObject, communication_objects
 from gantryctl.drives.canopen.nodes.io_node import IoNode
 from gantryctl.drives.canopen.settings import (
     CanopenSettings,
@@ -92,7 +92,8 @@ def settings(**changes: object) -> CanopenSettings:
 
 # 5.4 deg/s2 at the gantry are 17.16 turns/s2 of the motor, 6.5 deg/s 1239.3 r/min; 385 of 257 N m are 1498 per mille.
 WANTED = {
-    (0x60A9, 0): 0x00B5_0300, (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x1007, 0): 0, (0x60C2, 1): 4, (0x60C2, 2): -3,
+    (0x60A9, 0): 0x00B5_0300, (0x1005, 0): 0x80, (0x1019, 0): 0, (0x1006, 0): 4000, (0x1007, 0): 0, (0x60C2, 1): 4,
+    (0x60C2, 2): -3,
     (0x1014, 0): 0x82, (0x1017, 0): 50, (0x1016, 1): 0x007F_0096, (0x1400, 5): 50, (0x6007, 0): 1, (0x605E, 0): 2,
     (0x605A, 0): 2, (0x605B, 0): 1, (0x605C, 0): 1, (0x605D, 0): 1, (0x1029, 1): 0, (0x6085, 0): 8_996_782,
     (0x6080, 0): 1239, (0x6072, 0): 1498, (0x6076, 0): 257_000, (0x6502, 0): 0x100, (0x608F, 1): 524_288,
@@ -149,7 +150,9 @@ def test_a_parameter_that_is_otherwise_differs(place: Place) -> None:
     apart = 2 if place in ((0x6080, 0), (0x6072, 0)) else 1
     bad = {(0x6502, 0): 0xFF, (0x1005, 0): 0x81}.get(place, WANTED[place] + apart)
     assert check.compare(parameter, bad).verdict.refuses
-    assert check.compare(parameter, None).verdict is check.ParameterVerdict.ABSENT
+    # Without 1019 a drive expects no counter.
+    missing = V.OK if place == (0x1019, 0) else V.ABSENT
+    assert check.compare(parameter, None).verdict is missing
 
 
 @pytest.mark.parametrize(
@@ -316,6 +319,36 @@ def test_what_a_drive_takes_no_value_for_is_known() -> None:
     assert {(i, s) for i, s, _ in sdo.written} == {
         (p.obj, p.sub) for p in parameters if p.writable and p.value
     } - set(sdo.refused) - {(0x605D, 0)}
+
+
+class CountedSync(Dictionary):
+    """A drive whose counter of SYNC changes while it has no period, and then alone (CiA 301)."""
+
+    def set(self, index: int, sub: int, value: int, size: int | None = None) -> None:
+        if index == 0x1019 and self.values.get((0x1006, 0)):
+            raise SdoError(index, sub, 0x0800_0022)
+        super().set(index, sub, value, size)
+
+
+@pytest.mark.parametrize("period_us", [4000, 10_000, 0])
+def test_the_counter_of_sync_is_taken_out_while_there_is_no_period(period_us: int) -> None:
+    parameters = wanted_of(settings(), None)
+    sdo = CountedSync(
+        {(p.obj, p.sub): p.value for p in parameters} | {(0x1019, 0): 10, (0x1006, 0): period_us}
+    )
+    assert check.write_parameters(sdo, parameters) == (frozenset(), {})  # type: ignore[arg-type]
+    assert (sdo.values[0x1019, 0], sdo.values[0x1006, 0]) == (0, 4000)
+    stopped = [(0x1006, 0, 0)] if period_us else []
+    assert sdo.written == [*stopped, (0x1019, 0, 0), (0x1006, 0, 4000)]
+
+
+def test_a_counter_of_sync_that_stays_is_fixed_and_the_period_comes_back() -> None:
+    parameters = wanted_of(settings(), None)
+    sdo = Dictionary({(p.obj, p.sub): p.value for p in parameters} | {(0x1019, 0): 10})
+    sdo.refused = {(0x1019, 0): READ_ONLY}
+    refused, codes = check.write_parameters(sdo, parameters)  # type: ignore[arg-type]
+    assert (refused, codes) == ({(0x1019, 0)}, {"1019:00": READ_ONLY})
+    assert sdo.values[0x1006, 0] == 4000
 
 
 def test_every_parameter_is_read_again_in_a_round() -> None:
@@ -537,8 +570,8 @@ def test_a_fault_is_reset_by_an_edge_that_enables_nothing() -> None:
 
 # 16 outputs and 10 inputs; by CiA 401 and decision 0012: FFh in 6206 takes the error value, which is 0 in 6207.
 IO_OBJECTS = {
-    (0x1005, 0): 0x80, (0x1006, 0): 4000, (0x1007, 0): 0, (0x1016, 1): 0x007F_0096, (0x1017, 0): 50, (0x1029, 1): 0,
-    (0x1400, 5): 50,
+    (0x1005, 0): 0x80, (0x1019, 0): 0, (0x1006, 0): 4000, (0x1007, 0): 0, (0x1016, 1): 0x007F_0096, (0x1017, 0): 50,
+    (0x1029, 1): 0, (0x1400, 5): 50,
     (0x6002, 1): 0, (0x6002, 2): 0,
     (0x6202, 1): 0, (0x6206, 1): 0xFF, (0x6207, 1): 0, (0x6202, 2): 0, (0x6206, 2): 0xFF, (0x6207, 2): 0,
 }  # fmt: skip
@@ -584,3 +617,37 @@ def test_a_node_that_keeps_another_value_is_refused() -> None:
     with pytest.raises(DeviceError, match="6206:01"):
         node._holds(row)
     assert not node._holds(row._replace(needed=False))
+
+
+@pytest.mark.parametrize(
+    ("place", "held", "refused"),
+    [
+        ((0x1005, 0), 0x81, True), ((0x1007, 0), 2000, True), ((0x1019, 0), 10, True),
+        # What keeps none of its telegrams from counting; what is right, or is not there.
+        ((0x1006, 0), 0, False), ((0x1029, 1), 1, False), ((0x1007, 0), 0, False), ((0x1007, 0), None, False),
+    ],
+)  # fmt: skip
+def test_a_node_whose_telegrams_would_not_count_is_refused(
+    place: Place, held: int | None, refused: bool
+) -> None:
+    """Read-only, with another value than it must have."""
+    rows = {(row.obj, row.sub): row for row in communication_objects(settings(), False)}
+    remote = remote_node(Wire())
+    mapping = m.Mapping((), (m.Pdo(0, (m.STATUSWORD,)),))
+    node = BusNode(remote, settings(), "I/O", mapping, rows.values(), lambda: True)
+    remote.sdo = sdo = Dictionary({} if held is None else {place: held})  # type: ignore[assignment]
+    sdo.refused = {place: READ_ONLY}
+    if refused:
+        with pytest.raises(DeviceError, match=rows[place].meaning):
+            node._holds(rows[place])
+    else:
+        assert node._holds(rows[place]) is (held == rows[place].value)
+
+
+def test_a_node_takes_sync_without_a_counter_before_it_gets_the_period() -> None:
+    remote, rows = remote_node(Wire()), communication_objects(settings(), False)
+    mapping = m.Mapping((), (m.Pdo(0, (m.STATUSWORD,)),))
+    node = BusNode(remote, settings(), "I/O", mapping, rows, lambda: True)
+    remote.sdo = sdo = CountedSync({(0x1019, 0): 10, (0x1006, 0): 4000}, {0x1019: 1})  # type: ignore[assignment]
+    assert [row.obj for row in rows if node._holds(row)] == [0x1019, 0x1006]
+    assert sdo.written == [(0x1006, 0, 0), (0x1019, 0, 0), (0x1006, 0, 4000)]

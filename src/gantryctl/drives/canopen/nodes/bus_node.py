@@ -17,6 +17,7 @@ from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.drives.canopen.mapping import Mapping, check_mapping, write_mapping
 from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.drives.canopen.setup.parameter_check import stop_sync_period
 from gantryctl.errors import DeviceError
 from gantryctl.image import LinkFlag
 
@@ -25,6 +26,7 @@ _BRIDGED_S: Final = 0.030
 _WRONG_LENGTHS: Final = 3
 _TPDO_1: Final = 0x180
 _RPDO_1: Final = 0x200
+_COUNTER: Final = 0x1019
 
 
 class NodeObject(NamedTuple):
@@ -40,6 +42,8 @@ class NodeObject(NamedTuple):
     """A node without this object is refused."""
     mask: int = -1
     """Bits that are compared."""
+    never_else: bool = False
+    """A node that has it, and holds another value for good, is refused."""
 
 
 def communication_objects(settings: CanopenSettings, watches_controller: bool) -> tuple[NodeObject, ...]:
@@ -50,9 +54,10 @@ def communication_objects(settings: CanopenSettings, watches_controller: bool) -
     """
     watched = settings.master_node << 16 | round(settings.heartbeat_timeout_s * 1e3)
     return (
-        NodeObject(0x1005, 0, 4, 0x80, "identifier of SYNC", mask=0x7FF),
+        NodeObject(0x1005, 0, 4, 0x80, "identifier of SYNC", mask=0x7FF, never_else=True),
+        NodeObject(_COUNTER, 0, 1, 0, "SYNC comes without a counter", never_else=True),
         NodeObject(0x1006, 0, 4, round(settings.period_s * 1e6), "SYNC period, us"),
-        NodeObject(0x1007, 0, 4, 0, "telegrams count whenever they come after SYNC, us"),
+        NodeObject(0x1007, 0, 4, 0, "telegrams count whenever they come after SYNC, us", never_else=True),
         NodeObject(0x1016, 1, 4, watched, "it watches the controller's heartbeat", watches_controller),
         NodeObject(0x1017, 0, 2, round(settings.heartbeat_s * 1e3), "it shows that it lives, ms"),
         NodeObject(0x1029, 1, 1, 0, "without the controller it leaves OPERATIONAL"),
@@ -135,13 +140,16 @@ class BusNode:
     def _holds(self, row: NodeObject) -> bool:
         """Write what differs and read it back; False for an object that the node has not, and may lack."""
         sdo, place = self.remote.sdo, f"{row.obj:04X}:{row.sub:02X}"
+        have = row.value
         try:
             have = int.from_bytes(sdo.read(row.obj, row.sub), "little")
             if (have ^ row.value) & row.mask:
+                if row.obj == _COUNTER:
+                    stop_sync_period(sdo)
                 sdo.write(row.obj, row.sub, row.value.to_bytes(row.size, "little"))
                 have = int.from_bytes(sdo.read(row.obj, row.sub), "little")
         except SdoError as refused:
-            if refused.silent or row.needed:
+            if refused.silent or row.needed or (row.never_else and (have ^ row.value) & row.mask):
                 raise DeviceError(f"{self._who}: {refused} · {row.meaning}") from None
             return False
         if (have ^ row.value) & row.mask:

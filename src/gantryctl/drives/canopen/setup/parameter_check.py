@@ -20,6 +20,8 @@ from gantryctl.units import r_min_from_rad_s
 CSV: Final = 9
 CSV_BIT: Final = 1 << (CSV - 1)
 SYNC_ID: Final = 0x80
+_COUNTER: Final = (0x1019, 0)
+_PERIOD: Final = (0x1006, 0)
 _MASK_ID: Final = 0x7FF
 _EMCY_ID: Final = 0x80
 # Bit 31: not valid, no EMCY is sent; bit 29: an identifier of 29 bits (CiA 301).
@@ -38,6 +40,8 @@ class WantedParameter(NamedTuple):
     mask: int = -1
     """Bits that are compared."""
     tolerance: int = 0
+    may_lack: bool = False
+    """A drive without it does as wanted."""
 
 
 def wanted_parameters(
@@ -58,7 +62,14 @@ def wanted_parameters(
         # First: in some drives ramps and limits count in it.
         *_velocity_unit(s),
         WantedParameter(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
-        WantedParameter(0x1006, 0, period_us, "SYNC period, us"),
+        # Before 1006, which must be 0 while it changes (`write_parameters`).
+        WantedParameter(
+            *_COUNTER,
+            0,
+            "SYNC comes without a counter: a drive that expects one may not hear it",
+            may_lack=True,
+        ),
+        WantedParameter(*_PERIOD, period_us, "SYNC period, us"),
         WantedParameter(0x1007, 0, 0, "commands count whenever they come after SYNC: 0 sets no window, us"),
         WantedParameter(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
         WantedParameter(0x60C2, 2, exponent, "the same, power of ten of a second"),
@@ -225,6 +236,8 @@ def write_parameters(
             have = sdo.optional(parameter.obj, parameter.sub)
             if have is None or _equal(parameter, have):
                 continue
+            if (parameter.obj, parameter.sub) == _COUNTER:
+                stop_sync_period(sdo)
             sdo.set(parameter.obj, parameter.sub, parameter.value)
         except DeviceError as refused:
             if isinstance(refused, SdoError) and refused.silent:
@@ -237,6 +250,16 @@ def write_parameters(
                 continue
             refused_by_drive.add((parameter.obj, parameter.sub))
     return frozenset(refused_by_drive), codes
+
+
+def stop_sync_period(sdo: SdoClient) -> None:
+    """Set 1006 to 0, where it is there: until it is written again the counter of SYNC may change (CiA 301)."""
+    try:
+        if sdo.optional(*_PERIOD):
+            sdo.set(*_PERIOD, 0)
+    except SdoError as refused:
+        if refused.silent:
+            raise
 
 
 def with_abort_codes(rows: Iterable[ParameterRow], codes: Mapping[str, int]) -> tuple[ParameterRow, ...]:
@@ -265,7 +288,7 @@ def compare(wanted: WantedParameter, have: int | None) -> ParameterRow:
     known = STANDARD.get((wanted.obj, wanted.sub))
     name = known.name if known is not None else ""
     if have is None:
-        verdict = ParameterVerdict.ABSENT
+        verdict = ParameterVerdict.OK if wanted.may_lack else ParameterVerdict.ABSENT
     else:
         verdict = ParameterVerdict.OK if _equal(wanted, have) else ParameterVerdict.DIFFERS
     seen = "nothing" if have is None else _shown(wanted.obj, have)
