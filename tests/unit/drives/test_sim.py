@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import pytest
 
+from gantryctl.drives import base
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, EncoderFlag, OutputImage
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
@@ -249,3 +250,16 @@ def test_samples_within_a_scan_go_on_when_the_plant_changes(machine: Machine) ->
     run(drive, 0.01, 0.0)
     assert before > 1
     assert len(drive.sim.samples_taken()) == before
+
+
+@pytest.mark.parametrize("step_s", [1e-3, 10e-3])
+def test_a_swing_is_no_rest_where_its_speed_is_nothing(step_s: float) -> None:
+    """A load that swings at 2 Hz for two seconds: it passes each of its ends without a speed."""
+    time_s = 0.0
+
+    def advance() -> None:
+        nonlocal time_s
+        time_s += step_s
+
+    base.settle(advance, lambda: math.cos(4 * math.pi * time_s) if time_s < 2.0 else 0.0, step_s)
+    assert 2.3 < time_s < 4.0

@@ -238,6 +238,10 @@ def test_a_directory_that_was_moved_away_is_not_begun_anew(tmp_path: Path) -> No
         store.directory.mkdir()
         with pytest.raises(StateError, match="put it back"):
             store.store_bus(["one"])
+        (store.directory / "lock").write_bytes((away / "lock").read_bytes())  # that of another machine
+        with pytest.raises(StateError, match="put it back"):
+            store.store_bus(["one"])
+        (store.directory / "lock").unlink()
         store.directory.rmdir()
         away.rename(store.directory)
         store.store_plant({"angle": 3.0})

@@ -14,7 +14,7 @@ from gantryctl.program.alarms.alarms_page import chinese_page, reference_page
 from gantryctl.program.alarms.log import from_wire, messages_to_wire, refusal, to_wire
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.table import all_codes, explain
-from gantryctl.program.alarms.words import Words
+from gantryctl.program.alarms.words import Words, drive_error_words
 
 ROOT = Path(__file__).parents[3]
 
@@ -431,6 +431,39 @@ def test_the_angle_of_a_scan_is_given_to_the_alarms_of_that_scan():
     log.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)
     log.locate(2.0)
     assert [alarm.pos_rad for alarm in log.history] == [0.0, 2.0, 2.0]
+
+
+def test_torque_that_is_not_kept_is_said_in_every_alarm_that_promised_it():
+    log = AlarmLog()
+    log.raise_(Code.BRK_03, measured=1.0, limit=1.0)
+    log.raise_(Code.CTL_12, measured=1.0, limit=1.0, trip=2.0)
+    log.raise_(Code.BRK_04, measured=1.0, limit=1.0)
+    log.torque_not_kept()
+    kept = [Words.TORQUE_OFF_COMMANDED in alarm.steps for alarm in log.history]
+    assert kept == [True, False, True]
+    assert not any(Words.TORQUE_KEPT in alarm.steps for alarm in log.history)
+
+
+# Names of CiA 301 and CiA 402 that nobody may take for another one.
+@pytest.mark.parametrize(
+    ("error", "english", "chinese"),
+    [
+        (0x2310, "overcurrent", "过流"),
+        (0x2350, "overload", "过载"),
+        (0x3210, "overvoltage", "过压"),
+        (0x3220, "undervoltage", "欠压"),
+        (0x4310, "too hot", "过热"),
+        (0x7305, "encoder", "编码器"),
+        (0x8130, "heartbeat", "心跳"),
+        (0x8250, "commands", "指令"),
+        (0x8611, "following error", "跟随误差"),
+    ],
+)
+def test_an_error_of_the_drive_has_the_name_of_its_standard(error, english, chinese):
+    words = drive_error_words(error, {})
+    assert f"{error:04X}" in str(words)
+    assert english in str(words)
+    assert chinese in words.values["name"].chinese
 
 
 def test_a_refusal_in_the_journal_begins_with_its_code():

@@ -473,6 +473,28 @@ def test_a_reading_that_is_not_believed_hides_nothing_of_a_drive_without_torque(
 
 
 @BOTH
+@pytest.mark.parametrize(("swing_s", "held"), [(1.54, False), (0.5, True)])
+def test_torque_that_pulls_both_ways_within_a_swing_of_the_axis_is_no_held_shaft(way, swing_s, held):
+    """150 N m one way, and 0.8 s later 300 the other: on a crane that is half of its swing."""
+    parts = Parts(monitors={"swing_s": swing_s})
+    watch = watched(parts)
+    watch._grip_nm = watch._leap_nm = math.inf  # a brake, and a leap of the reading, are other rows
+    parts.turn(way * 2.9)
+    off = -way * rad(0.06)
+
+    def pull(torque_nm, scans):
+        for _ in range(scans):
+            parts.alarms.scan += 1
+            parts.feedback.torque_nm = way * torque_nm
+            watch.scan(off, 0.0)
+
+    pull(-150.0, 2)
+    pull(20.0, 800)
+    pull(300.0, 150)
+    assert ("BRK-14" in parts.codes) is held
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(("answer", "held"), [(0.0, True), (1.0, False)])
 def test_torque_beyond_what_a_load_needs_must_move_the_shaft(period_s, way, answer, held):

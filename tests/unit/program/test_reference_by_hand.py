@@ -20,10 +20,15 @@ CREEP_DEG_S = 0.1
 
 
 def reference(
-    raw_deg: float, vel_deg_s: float = 0.0, *, valid: bool = True, lead_deg: float | None = None
+    raw_deg: float,
+    vel_deg_s: float = 0.0,
+    *,
+    valid: bool = True,
+    lead_deg: float | None = None,
+    margin_deg: float = 5.0,
 ) -> Reference:
     """Of an axis of +-180 deg whose encoder stands so far from its own zero, at the gantry."""
-    law = SimpleNamespace(ratio=10.0, counts_per_turn=1000, turns=20, wrap_margin_rad=rad(5.0))
+    law = SimpleNamespace(ratio=10.0, counts_per_turn=1000, turns=20, wrap_margin_rad=rad(margin_deg))
     travel = TravelSettings(rad(-180.0), rad(180.0), rad(-190.0), rad(190.0))
     settings: Any = SimpleNamespace(
         travel=travel, law=law, speed=SimpleNamespace(creep_rad_s=rad(CREEP_DEG_S))
@@ -48,6 +53,11 @@ def test_the_encoder_may_not_wrap_within_5_deg_of_the_travel(
     position_deg: float, raw_deg: float, taken: bool
 ) -> None:
     assert (reference(raw_deg).check(rad(position_deg), standing=True) is None) is taken
+
+
+@pytest.mark.parametrize(("raw_deg", "taken"), [(189.9, False), (190.1, True), (529.9, True), (530.1, False)])
+def test_the_margin_to_the_wrap_is_that_of_the_machine(raw_deg: float, taken: bool) -> None:
+    assert (reference(raw_deg, margin_deg=10.0).check(0.0, standing=True) is None) is taken
 
 
 @pytest.mark.parametrize(

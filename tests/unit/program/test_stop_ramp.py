@@ -4,18 +4,20 @@
 """
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from gantryctl.program import Reaction
 from gantryctl.program.power.ramp_watch import RampWatch
 from gantryctl.program.power.rest import RestWatch
+from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
 
 approx = pytest.approx
 
 
-def ramp_of(parts, speed_at):
+def ramp_of(parts, speed_at, most_s=6.0):
     """Seconds until the alarm; `speed_at` gives the speed after so many seconds."""
     watch = RampWatch(parts.settings, parts.feedback)
     parts.turn(speed_at(0.0))
@@ -28,7 +30,7 @@ def ramp_of(parts, speed_at):
         parts.turn(speed_at(scans * parts.period_s))
         assert watch.obeyed(scans * parts.period_s) == (not parts.codes)
 
-    return parts.after(scan, most_s=6.0)
+    return parts.after(scan, most_s=most_s)
 
 
 @BOTH
@@ -58,6 +60,18 @@ def test_a_drive_that_swings_beyond_its_ramp_is_told_after_50_ms(period_s, way):
     parts = Parts(period_s)
     seconds = ramp_of(parts, lambda t: way * (max(0.0, 6.0 - 5.5 * t) if t < 1.3 else 0.51))
     assert seconds == approx(1.3 + 0.05, abs=1.01 * period_s)
+
+
+@BOTH
+@pytest.mark.parametrize(("reads_deg_s", "codes"), [(0.079, []), (0.081, ["DRV-07"])])
+def test_an_axis_whose_reading_rests_at_more_than_a_tenth_of_its_deviation_is_believed(
+    way, reads_deg_s, codes
+):
+    """A tenth of 0.5 deg/s are 0.05; what counts as rest on this one is 0.08, judged 0.25 s behind the ramp."""
+    parts = Parts()
+    parts.settings = replace(parts.settings, speed=replace(parts.settings.speed, rest_rad_s=rad(0.08)))
+    ramp_of(parts, lambda t: way * max(6.0 - 5.5 * t, reads_deg_s), most_s=2.0)
+    assert parts.codes == codes
 
 
 @PERIODS

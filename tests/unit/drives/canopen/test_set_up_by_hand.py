@@ -495,6 +495,22 @@ def test_only_a_drive_that_shows_csv_is_let_go(shown: int, lines: int) -> None:
     assert node.sdo.written[-1] == (0x6060, 0, 9)
 
 
+class LateMode(Dictionary):
+    """A drive that shows what it is to do only as it is asked for the fifth time."""
+
+    asked = 0
+
+    def number(self, index: int, sub: int = 0) -> int:
+        self.asked += index == 0x6061
+        return 9 if index == 0x6061 and self.asked >= 5 else super().number(index, sub)
+
+
+def test_a_drive_may_show_csv_a_few_readings_later() -> None:
+    node = remote_node(Wire())
+    node.sdo = LateMode({(0x6060, 0): 8, (0x6061, 0): 8})  # type: ignore[assignment]
+    assert _select_csv(node) == ()
+
+
 @pytest.mark.parametrize(
     ("held", "marker"),
     [
