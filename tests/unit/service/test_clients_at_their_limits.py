@@ -211,6 +211,8 @@ def test_a_recording_says_how_an_axis_at_rest_is_told() -> None:
         "rest_band_pos_act_rad": pytest.approx(np.pi / 180_000.0),
         "rest_band_torque_act_nm": pytest.approx(10.0),
     }
+    # Of an encoder with steps of 0.02 deg the two that a shaft stands between, and no third one.
+    assert rest_metadata(200.0, np.radians(0.02))["rest_band_pos_act_rad"] == pytest.approx(np.radians(0.03))
 
 
 # --- refusals ---------------------------------------------------------------------------------------------------------

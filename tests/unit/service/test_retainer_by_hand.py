@@ -15,6 +15,7 @@ from gantryctl.program import AxisState
 from gantryctl.runtime import Retained
 from gantryctl.service.controller import retainer as module
 from gantryctl.service.controller.retainer import Retainer
+from gantryctl.units import rad
 
 BEFORE = Retained("hust_gantry", "hash")
 PATIENCE_S = 20.0
@@ -63,3 +64,23 @@ def test_what_is_to_be_kept_while_the_disk_is_slow_is_kept_behind_it(monkeypatch
     kept.scan()
     assert written == [("power off", 1.0), ("power off again", 2.0)]
     assert len(gates) == 2, "nothing waits any more"
+
+
+def test_a_shaft_between_two_steps_of_a_coarse_encoder_adds_up_to_no_travel() -> None:
+    """Ten steps in a motor turn and 36 turns: 1 deg a step. It stands for 100 scans, and then turns by ten of them."""
+    axis = SimpleNamespace(
+        settings=SimpleNamespace(law=SimpleNamespace(counts_per_turn=10.0, ratio=36.0)),
+        state=AxisState.STANDSTILL,
+        feedback=SimpleNamespace(counts=0.0),
+    )
+    anything: Any = SimpleNamespace(program=SimpleNamespace(axis=axis), drive=None)
+    kept = Retainer(default_machine(), anything, anything, anything, BEFORE)
+    assert kept.count_rad == pytest.approx(rad(1.0))
+    for number in range(100):
+        axis.feedback.counts = float(number % 2)
+        kept.scan()
+    assert kept._way_rad == 0.0
+    for number in range(11):
+        axis.feedback.counts = float(number)
+        kept.scan()
+    assert kept._way_rad == pytest.approx(rad(10.0))

@@ -130,7 +130,7 @@ class Controller:
         metadata = {
             **recording_metadata(self.machine),
             "version": version("gantryctl"),
-            **rest_metadata(self.machine.motor.torque_rated_nm),
+            **rest_metadata(self.machine.motor.torque_rated_nm, self.retainer.count_rad),
         }
         publish_json(self.memory.columns, {"columns": list(self._recorder.columns), "metadata": metadata})
         publisher = Publisher(

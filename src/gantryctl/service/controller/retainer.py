@@ -19,8 +19,9 @@ from gantryctl.runtime import Engine, Retained
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.units import rad
 
-# Travel is counted in steps of at least this: the noise of an axis at rest adds up to none.
+# Travel is counted in steps of at least this, and of more than one of the encoder: an axis at rest adds up to none.
 _TRAVEL_STEP_RAD: Final = rad(0.001)
+_TRAVEL_COUNTS: Final = 1.5
 _MOVING: Final = (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
 
 
@@ -32,6 +33,7 @@ class Retainer:
 
     Attributes:
         retained: of the runs before, with acknowledgements and tests since.
+        count_rad: step of the encoder, at the gantry.
         faults: failed writes, for the scan to report: it is the only writer of its event ring.
     """
 
@@ -47,7 +49,8 @@ class Retainer:
         self._moving = False
         self._way_rad, self._last_pos_rad = 0.0, math.nan
         law = self._axis.settings.law
-        self._rad_per_count = math.tau / (law.counts_per_turn * law.ratio)
+        self.count_rad = math.tau / (law.counts_per_turn * law.ratio)
+        self._step_rad = max(_TRAVEL_STEP_RAD, _TRAVEL_COUNTS * self.count_rad)
         self._thread: threading.Thread | None = None
         self._waiting = ""
 
@@ -72,8 +75,8 @@ class Retainer:
             self._moving = moving
             self._moves += moving
         # Of the reading, not of the angle: the zero of a modulo axis moves on with its turns.
-        pos = axis.feedback.counts * self._rad_per_count
-        if abs(pos - self._last_pos_rad) > _TRAVEL_STEP_RAD:
+        pos = axis.feedback.counts * self.count_rad
+        if abs(pos - self._last_pos_rad) > self._step_rad:
             self._way_rad += abs(pos - self._last_pos_rad)
             self._last_pos_rad = pos
         elif math.isnan(self._last_pos_rad):

@@ -14,18 +14,24 @@ from gantryctl.units import rad
 # Between two rows at rest.
 REST_S: Final = 0.1
 # How far angle, and torque as part of the rated one, may stray at rest. On the reference gantry, held at rest, the
-# angle strays by 3e-7 deg and the torque by 0.8 N m of 200 (simulator, 20 s).
+# angle strays by 3e-7 deg and the torque by 0.8 N m of 200 (simulator, 20 s). A shaft that stands between two steps of
+# a coarse encoder is read as one of them or the other.
 _BAND_RAD: Final = rad(0.001)
+_BAND_STEPS: Final = 1.5
 _BAND_TORQUE: Final = 0.05
 # Before a column's name in the metadata of a recording.
 BAND_KEY: Final = "rest_band_"
 
 
-def rest_metadata(torque_rated_nm: float) -> dict[str, float]:
-    """Say in the metadata of a recording how rows of an axis at rest are told from others."""
+def rest_metadata(torque_rated_nm: float, step_rad: float = 0.0) -> dict[str, float]:
+    """Say in the metadata of a recording how rows of an axis at rest are told from others.
+
+    Args:
+        step_rad: of the encoder, at the gantry.
+    """
     return {
         "rest_spacing_s": REST_S,
-        f"{BAND_KEY}pos_act_rad": _BAND_RAD,
+        f"{BAND_KEY}pos_act_rad": max(_BAND_RAD, _BAND_STEPS * step_rad),
         f"{BAND_KEY}torque_act_nm": _BAND_TORQUE * torque_rated_nm,
     }
 
