@@ -189,6 +189,7 @@ BREAKS = {
     "standstill_window_within_reaction": {"monitors.standstill_window_deg": 0.2},
     "sag_within_reaction": {"brake.sag_max_deg": 0.5},
     "brake_stop_within_stopping_angle": {"brake.close_time_ms": 240.0},
+    "bases_differ": {"accuracy.bases_deg": [0.0, 30.0, 30.0]},
     "nodes_differ": CAN | {"can.node": 127},
     "interface_is_named": CAN | {"can.interface": ""},
     "heartbeat_within_timeout": CAN | {"can.heartbeat_timeout_ms": 99.0},

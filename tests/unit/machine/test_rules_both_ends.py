@@ -89,6 +89,21 @@ def test_what_a_cruise_lags_by_is_told_with_its_limit_and_a_way_out(
     assert [told in line for line in lines] == ([True] if told else [])
 
 
+@pytest.mark.parametrize(
+    ("bases", "twice"),
+    [
+        ([0.0, 30.0, -30.0], None),
+        ([0.0, 30.0, 0.0], "0"),
+        ([-0.0, 0.0], "0"),
+        ([1.5, 2.0, 2.0], "2"),
+        ([4.0], None),
+    ],
+)
+def test_a_base_of_the_chord_test_is_listed_once(bases: list[float], twice: str | None) -> None:
+    lines = broken({"accuracy.bases_deg": bases})
+    assert [f"must list {twice} deg once" in line for line in lines] == ([] if twice is None else [True])
+
+
 @pytest.mark.parametrize(("kvf", "alarms"), [(0.80, 0), (1.20, 0), (0.77, 1), (1.23, 1)])
 def test_a_cruise_that_is_not_warned_of_gives_no_alarm(kvf: float, alarms: int) -> None:
     """1 deg/s: 0.042 deg trip, 0.021 deg of 0.1 deg warn; friction and gear take 0.001 deg of it."""

@@ -191,6 +191,16 @@ def bases_within_travel(m: Machine) -> Broken:
     return None if all(low < base < high for base in m.accuracy.bases_deg) else "must lie within travel"
 
 
+@rule("accuracy.bases_deg")
+def bases_differ(m: Machine) -> Broken:
+    """No base of the chord test is listed twice."""
+    bases = m.accuracy.bases_deg
+    twice = next((base for number, base in enumerate(bases) if base in bases[:number]), None)
+    return (
+        None if twice is None else f"must list {twice:g} deg once: chords from a base are measured once a run"
+    )
+
+
 @rule("accuracy.displacements_deg")
 def displacements_ascend(m: Machine) -> Broken:
     """The displacements of the chord test ascend."""
