@@ -69,7 +69,7 @@ def test_a_move_that_nobody_watches_any_more_stops(environment: dict[str, str]) 
         assert err.read() == b""
     assert run.wait(60) == 1
     said = status(environment)
-    assert "stopped by the operator" in said
+    assert "stopped: nobody reads its lines any more" in said
     assert "power off, brake closed" in said
     assert "angle             90" not in said
 

@@ -248,12 +248,16 @@ def refuse_local_options(given: dict[str, Any]) -> None:
 
 
 @contextmanager
-def stop_signals(stop: Callable[[], object]) -> Iterator[None]:
-    """Call `stop` on Ctrl-C, on SIGTERM and when the terminal is lost, instead of ending the process."""
+def stop_signals(stop: Callable[[], object], hung_up: Callable[[], object] | None = None) -> Iterator[None]:
+    """Call `stop` on Ctrl-C, on SIGTERM and when the terminal is lost, instead of ending the process.
+
+    Args:
+        hung_up: called in place of it when the terminal is lost.
+    """
+    calls = {"SIGINT": stop, "SIGTERM": stop, "SIGHUP": hung_up or stop}
     # A lost terminal sends SIGHUP; Windows has none.
-    names = ("SIGINT", "SIGTERM", "SIGHUP")
-    known = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    before = {number: signal.signal(number, lambda *_: stop()) for number in known}
+    known = {getattr(signal, name): call for name, call in calls.items() if hasattr(signal, name)}
+    before = {number: signal.signal(number, lambda *_, call=call: call()) for number, call in known.items()}
     try:
         yield
     finally:

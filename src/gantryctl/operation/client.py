@@ -45,6 +45,8 @@ class Ending(StrEnum):
 
     DONE = "done"
     STOPPED = "stopped by the operator"
+    UNREAD = "stopped: nobody reads its lines any more"
+    HUNG_UP = "stopped: its terminal is gone"
     NOT_IN_POSITION = "not in position"
 
 
@@ -69,6 +71,11 @@ class MotionReport(NamedTuple):
     def done(self) -> bool:
         """The motion ran to its end: not stopped, and in position where it has a target."""
         return self.ending is Ending.DONE
+
+    @property
+    def stopped(self) -> bool:
+        """Somebody, or what became of the command, has ended it before its end."""
+        return self.ending in (Ending.STOPPED, Ending.UNREAD, Ending.HUNG_UP)
 
     @property
     def text(self) -> str:
@@ -137,10 +144,12 @@ class AxisClient(Protocol):
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
+        stopped_as: what a motion says that ends by it.
     """
 
     machine: Machine
     stop: Stop
+    stopped_as: Ending
 
     @property
     def must_ask(self) -> bool:

@@ -129,6 +129,15 @@ class AxisRun:
         self._scans.stop = urgency
 
     @property
+    def stopped_as(self) -> Ending:
+        """What a motion says that ends by `stop`."""
+        return self._scans.stopped_as
+
+    @stopped_as.setter
+    def stopped_as(self, ending: Ending) -> None:
+        self._scans.stopped_as = ending
+
+    @property
     def brake_due(self) -> BrakeDue:
         """When the next brake test is due."""
         return self._memory.brake_due
@@ -312,7 +321,7 @@ class AxisRun:
         self._raise_alarm()
         if self.stop is not Stop.NO:
             self._scans.until(lambda: self.axis.at_rest, REST_S)
-            raise AlarmStop("stopped by the operator in the middle of an experiment")
+            raise AlarmStop(f"{self.stopped_as} in the middle of an experiment")
 
     def halt(self) -> None:
         """End a motion under way on its own ramp and wait for rest."""
@@ -468,7 +477,7 @@ class AxisRun:
     def _not_begun(self) -> MotionReport:
         """A motion of no length: stopped, unless it begins now."""
         here_deg, now_s = self.angle_deg, self.engine.time_s
-        return MotionReport(Ending.STOPPED, here_deg, here_deg, now_s, now_s)
+        return MotionReport(self.stopped_as, here_deg, here_deg, now_s, now_s)
 
     def _motion(self, **levels: Any) -> MotionReport:
         self.power_up()
@@ -492,7 +501,7 @@ class AxisRun:
         end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
         if self.stop is not Stop.NO:
-            ending = Ending.STOPPED
+            ending = self.stopped_as
         else:
             reached = self.axis.at_rest and not self.axis.monitors.not_in_position
             ending = Ending.DONE if reached else Ending.NOT_IN_POSITION

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gantryctl.operation.bus_log import AlarmFrames
-from gantryctl.operation.client import Snapshot, Stop
+from gantryctl.operation.client import Ending, Snapshot, Stop
 from gantryctl.program import Axis, AxisState
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg
@@ -27,6 +27,7 @@ class SlicedScan:
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
+        stopped_as: what a motion says that ends by it: a person, unless somebody knows better.
         observer: of the next slice; None for nobody.
     """
 
@@ -40,7 +41,7 @@ class SlicedScan:
     ) -> None:
         self._engine, self._axis, self._operator, self._frames = engine, axis, operator, frames
         self.observer = observer
-        self.stop = Stop.NO
+        self.stop, self.stopped_as = Stop.NO, Ending.STOPPED
 
     def command(self, **levels: Any) -> None:
         """Set levels of the operator; the next scan sees them."""
@@ -113,7 +114,8 @@ class SlicedScan:
         except Exception:
             # Terminal lost or pipe closed: an axis without anybody who watches it stops.
             self.observer = None
-            self.stop = max(self.stop, Stop.RAMP)
+            if self.stop is Stop.NO:
+                self.stop, self.stopped_as = Stop.RAMP, Ending.UNREAD
 
     def _asked_to_stop(self) -> bool:
         """Hand a stop request to the program."""

@@ -205,7 +205,9 @@ def test_a_damaged_state_is_told_and_nothing_moves(state: Path, file: str) -> No
 # -----------------------------------------------------------------------------------------
 
 
-def interrupted(monkeypatch: pytest.MonkeyPatch, times: int, at_deg: float) -> None:
+def interrupted(
+    monkeypatch: pytest.MonkeyPatch, times: int, at_deg: float, number: signal.Signals = signal.SIGINT
+) -> None:
     """Ctrl-C comes this often, from an angle on, once every look at the display."""
     left = [times]
     show = Display.show
@@ -214,7 +216,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, times: int, at_deg: float) -> N
         show(self, snapshot)
         if left[0] and snapshot.angle_deg >= at_deg:
             left[0] -= 1
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
 
     monkeypatch.setattr(Display, "show", shown)
 
@@ -227,6 +229,31 @@ def test_ctrl_c_stops_on_the_ramp(monkeypatch: pytest.MonkeyPatch, command: list
     assert "stopped by the operator: 0.0000 -> " in answer.out
     assert 3.0 < angle() < 6.0  # 1.5 to 3 deg/s at 2 deg/s2, rounded by the jerk
     assert done("status", "--json").json["condition"] == "power off, brake closed"
+
+
+def test_a_lost_terminal_is_told_as_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted(monkeypatch, 1, at_deg=1.0, number=signal.SIGHUP)
+    answer = cli("move", "10")
+    assert answer.code == 1
+    assert "stopped: its terminal is gone: 0.0000 -> " in answer.out
+    assert done("status", "--json").json["last_result"] == "stopped: its terminal is gone"
+
+
+def test_a_terminal_that_goes_while_the_axis_stops_is_not_why_it_stops(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Ctrl-C, and the terminal goes behind it: a quick stop, by the operator."""
+    numbers = [signal.SIGINT, signal.SIGHUP]
+    show = Display.show
+
+    def shown(self: Display, snapshot: Snapshot) -> None:
+        show(self, snapshot)
+        if numbers and (snapshot.angle_deg or 0.0) >= 1.0:
+            signal.raise_signal(numbers.pop(0))
+
+    monkeypatch.setattr(Display, "show", shown)
+    assert cli("move", "10").code == 4
+    assert "Quick stop by the operator" in done("status", "--json").json["last_result"]
 
 
 def test_ctrl_c_twice_is_a_quick_stop(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,6 +117,25 @@ def test_an_axis_without_torque_is_not_down_while_anything_moves(at_rest: bool) 
     assert run._is_down() is at_rest
 
 
+@pytest.mark.parametrize("asked", [False, True])
+def test_a_run_whose_lines_nobody_reads_any_more_says_so(asked: bool) -> None:
+    """Unless somebody had asked it to stop before."""
+    run = AxisRun(IDEAL)
+
+    def look(seen: Snapshot) -> None:
+        if seen.speed_deg_s is not None and seen.speed_deg_s > 0.5:
+            if not asked or run.stop is Stop.RAMP:
+                raise BrokenPipeError
+            run.stop = Stop.RAMP
+
+    run.observe(look)
+    report = run.move(5.0)
+    assert report.ending is (Ending.STOPPED if asked else Ending.UNREAD)
+    assert (report.stopped, report.done) == (True, False)
+    assert 0.0 < report.end_deg < 5.0
+    run.close(report.text)
+
+
 def test_a_move_that_was_stopped_is_not_done() -> None:
     run = AxisRun(IDEAL)
 

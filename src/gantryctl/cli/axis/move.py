@@ -273,7 +273,7 @@ def guarded(
 ) -> tuple[Report | None, GantryctlError | None]:
     """Run an action under stop signals; whatever happens, the axis is closed and its state kept."""
     from gantryctl.errors import AlarmStop, CommandRefused
-    from gantryctl.operation.client import Stop
+    from gantryctl.operation.client import Ending, Stop
 
     report: Report | None = None
     failure: GantryctlError | None = None
@@ -286,7 +286,12 @@ def guarded(
 
     # The axis is never left with torque: refused, alarm, Ctrl-C or a bug, `close` runs. Where torque alone holds the
     # load, it lasts until somebody has asked twice for the end.
-    with stop_signals(stop):
+    def hung_up() -> None:
+        if axis.stop is Stop.NO:
+            axis.stopped_as = Ending.HUNG_UP
+        stop()
+
+    with stop_signals(stop, hung_up):
         try:
             report = action(axis)
             result = report.text

@@ -60,7 +60,7 @@ class ServiceAxis:
     must_ask = True
 
     def __init__(self, machine: Machine, *, take_over: bool) -> None:
-        self.machine, self.stop = machine, Stop.NO
+        self.machine, self.stop, self.stopped_as = machine, Stop.NO, Ending.STOPPED
         self.tags: Tags = {}
         self._connection: ServiceLink | None = None
         self._take_over = take_over
@@ -371,7 +371,7 @@ class ServiceAxis:
             raise CommandRefused(f"{Code.SEC_07} · {self._taken_by} has taken control")
         # Whoever stops, here or elsewhere, begins an epoch; whoever switches off does not.
         stopped = self.stop is not Stop.NO or self.tags["epoch"] != epoch or not self.tags["power"]
-        ending = Ending.STOPPED if stopped else Ending.DONE
+        ending = self.stopped_as if stopped else Ending.DONE
         return MotionReport(ending, start_deg, self.angle_deg, start_s, self.tags["time_s"])
 
     def _wait(self, holds: Callable[[Tags], bool]) -> None:

@@ -112,7 +112,7 @@ class AttendedTest:
         target = self._stops[index].target_deg
         self._say(f"stop {index + 1} of {len(self._stops)}: {self._as_read(target, '.1f')} deg")
         report = self._run.move(target)
-        if report.ending is Ending.STOPPED:
+        if report.stopped:
             return False
         if report.ending is Ending.NOT_IN_POSITION:
             raise DeviceError(
