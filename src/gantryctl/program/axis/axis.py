@@ -42,7 +42,8 @@ _ON: Final = PowerPhase.ON
 # speed. A drive that ramps turns the shaft against its torque, and HOLD has a watch of its own.
 _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
 _STOPPING: Final = (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING)
-_HELD: Final = (*_TRIED, PowerPhase.CLOSING, PowerPhase.UNLOADING)
+# A drive that owns its brake holds the load on its own ramp in DISABLING, until its brake has closed.
+_HELD: Final = (*_TRIED, PowerPhase.CLOSING, PowerPhase.UNLOADING, PowerPhase.DISABLING)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 
 
