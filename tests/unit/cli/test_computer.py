@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from gantryctl.engineering.bench.figures import Figure
 from gantryctl.engineering.bench.groups import GROUPS
+from gantryctl.engineering.computer import scan_trial
 from support.command_line import cli
 
 
@@ -66,3 +68,19 @@ def test_a_file_of_results_that_cannot_be_read_ends_the_run_before_it_begins(sta
     answer = cli("bench", "batch")
     assert answer.code == 3
     assert "bench.json" in answer.err
+
+
+@pytest.mark.parametrize(("periods", "good"), [((4.0,), True), ((1.0,), False), ((1.0, 4.0), False)])
+def test_a_computer_is_good_when_it_keeps_every_period_that_was_asked_for(
+    monkeypatch: pytest.MonkeyPatch, periods: tuple[float, ...], good: bool
+) -> None:
+    """One that keeps 4 ms and not 1 ms."""
+
+    def tried(period_ms: float, seconds: float, *, watch: object) -> SimpleNamespace:
+        return SimpleNamespace(good=period_ms == 4.0, to_dict=lambda speed_deg_s: {"period_ms": period_ms})
+
+    monkeypatch.setattr(scan_trial, "scan_trial", tried)
+    words = [word for period in periods for word in ("--period", f"{period:g}")]
+    answer = cli("doctor", *words, "--json")
+    assert (answer.code, answer.json["good"]) == (int(not good), good)
+    assert [scan["period_ms"] for scan in answer.json["scans"]] == list(periods)

@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import io
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from gantryctl.cli.engineering.measure import _report
+from gantryctl.drives.virtual.side_channel import control
+from gantryctl.engineering.accuracy.attended import report as attended_report
 from gantryctl.engineering.accuracy.attended.session import ChordOrder
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
-from gantryctl.engineering.instruments import Reading
+from gantryctl.engineering.comparison.variants import without_load_encoder
+from gantryctl.engineering.instruments import Instrument, Reading, line_server
 from gantryctl.engineering.instruments.line_server import LineServer
+from gantryctl.engineering.report.head import Made
+from gantryctl.engineering.report.origin import Origin
+from gantryctl.errors import CommandRefused
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.effective import to_toml
 from support.command_line import cli
+from support.command_line import machine_file as machine_with
+from support.improved import improved_machine
 
 pytestmark = pytest.mark.can
 
@@ -133,3 +145,51 @@ def test_a_simulated_tracker_needs_a_virtual_drive(tmp_path: Path) -> None:
     answer = cli("instrument", "sim", "--control", tmp_path / "none.sock")
     assert answer.code == 3
     assert "no virtual drive listens" in answer.err
+
+
+def test_a_served_tracker_has_the_radius_and_the_noise_of_the_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """0.5 mm of noise on 3 m are 0.00955 deg; the other errors of a tracker together are a tenth of that."""
+
+    class Served:
+        def __init__(self, instrument: Instrument, *_: object) -> None:
+            seen.append(instrument)
+
+        def __enter__(self) -> Served:
+            raise CommandRefused("seen")
+
+        def __exit__(self, *_: object) -> None: ...
+
+    seen: list[Instrument] = []
+    drive = SimpleNamespace(ask=lambda _: {"pos_load_rad": 0.5, "time_s": 0.0})
+    monkeypatch.setattr(control, "ControlClient", lambda _: nullcontext(drive))
+    monkeypatch.setattr(line_server, "LineServer", Served)
+    file = machine_with(
+        tmp_path / "m.toml", {"accuracy.chord_radius_m": 3.0, "accuracy.tracker_noise_um": 500.0}
+    )
+    assert cli("instrument", "sim", "--config", file, "--control", tmp_path / "c.sock").code == 2
+    assert seen[0].read(0.0).uncertainty_deg == pytest.approx(0.00955, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("place", "active", "origin", "told"),
+    [
+        ("hand", True, Origin.MEASURED, ()),
+        ("simulated", True, Origin.SIMULATED, ()),
+        ("load-encoder", False, Origin.SIMULATED, ("its own errors",)),
+        # What the position loop is closed with shows what that makes of the axis.
+        ("load-encoder", True, Origin.SIMULATED, ("its own errors", "the position loop goes through it")),
+    ],
+)
+def test_a_report_says_what_its_readings_are_of(
+    monkeypatch: pytest.MonkeyPatch, place: str, active: bool, origin: Origin, told: tuple[str, ...]
+) -> None:
+    """A machine in this process: what its own encoder on the ring reads is of a model too."""
+    monkeypatch.setattr(attended_report, "session_report", lambda *given: given)
+    machine = improved_machine() if active else without_load_encoder(improved_machine())
+    session: Any = None
+    _, _, found, _, _, notes = cast(Any, _report(machine, session, place, Made("d", "1", "c")))
+    assert found is origin
+    assert len(notes) == len(told)
+    assert all(words in note for words, note in zip(told, notes, strict=True))

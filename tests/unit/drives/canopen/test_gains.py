@@ -215,6 +215,9 @@ def test_without_a_gain_to_write_nothing_is_written(table: Path, tmp_path: Path)
         config, {**CHANGES, "can.virtual_drive": f"maxon EPOS4@{table}", "can.velocity_unit": "profile"}
     )
     assert "kp  30A2:01  10000 uA s/rad = " in cli("drive", "gains", "--config", config).out
+    # 257 N m at 69 A are 3.725 N m/A: 0.07449 N m s/rad at the shaft are 0.02 A s/rad.
+    told = cli("drive", "gains", "--kp", "0.0744928", "--yes", "--config", config)
+    assert "kp  30A2:01  10000 uA s/rad = 0.03725 N m s/rad -> 20000 uA s/rad = 0.07449 N m s/rad" in told.out
     assert cli("drive", "gains", "--save", "--config", config).code == 2
     assert cli("drive", "gains", "--kp", 1, "--kp-times", 2, "--config", config).code == 2
 

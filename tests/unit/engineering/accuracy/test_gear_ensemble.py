@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import pytest
+
+from gantryctl.engineering import identification
 from gantryctl.engineering.accuracy.job import AccuracyJob, GearJob, ensemble_a
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear, run_procedure
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
-from gantryctl.machine import default_machine, with_values
+from gantryctl.machine import Calibration, Machine, default_machine, with_values
+from support.improved import improved_machine
 
 # A chord test of 40 s instead of 537 s: harder ramps, shorter rests.
 MACHINE = with_values(
@@ -34,3 +40,23 @@ def test_gears_in_a_batch_have_the_accuracy_of_each_alone() -> None:
     # In whatever chunk.
     later = GearJob(MACHINE, procedure, 7).rows(1, 2)["a_true_deg"]
     assert tuple(later) == gears.a_deg[1:]
+
+
+def test_each_gear_has_the_calibration_that_was_found_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map of another gear would compensate errors that are not there: here a calibration is numbered by its gear."""
+
+    def calibrated(machines: Sequence[Machine], seeds: Sequence[int]) -> list[Calibration]:
+        found = improved_machine().calibration
+        assert found is not None
+        assert [gear == random_gear(machine, seed) for gear, seed in zip(machines, seeds, strict=True)] == [
+            True
+        ] * 3
+        return [
+            found.model_copy(update={"origin": found.origin.model_copy(update={"version": seed})})
+            for seed in seeds
+        ]
+
+    machine = improved_machine()
+    monkeypatch.setattr(identification, "calibrate_each", calibrated)
+    gears = GearJob(machine, chord_test(machine, "A"), 7)._gears(2, 3)
+    assert [gear.calibration.origin.version for gear in gears if gear.calibration] == [10, 11, 12]

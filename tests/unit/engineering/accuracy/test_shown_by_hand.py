@@ -85,12 +85,24 @@ SPEED_RUN = SpeedRun(
 )
 
 
-def required_rows(run: SpeedRun) -> list[tuple[str, ...]]:
-    """Cells of the table of required values on the page of one run."""
-    table = re.search(r'<table class="required">.*?</table>', render_speed_test([run], HEAD), re.DOTALL)
+def required_rows(*runs: SpeedRun) -> list[tuple[str, ...]]:
+    """Cells of the table of required values on the page of these runs."""
+    table = re.search(r'<table class="required">.*?</table>', render_speed_test(runs, HEAD), re.DOTALL)
     assert table is not None
     rows = re.findall(r"<tr>(<td.*?)</tr>", table.group(), re.DOTALL)
     return [tuple(re.findall(r"<td[^>]*>(.*?)</td>", row)) for row in rows]
+
+
+def test_the_worst_run_stands_beside_what_is_required_of_all_of_them() -> None:
+    """Of 0.012 and 0.004 deg/s the first, of 99.95 and 99.5 % the second."""
+    runs = (
+        replace(SPEED_RUN, motor_judged=True, motor_error_deg_s=0.012, reached_deg_s=5.997),
+        replace(SPEED_RUN, motor_judged=True, motor_error_deg_s=0.004, reached_deg_s=5.97),
+    )
+    for order in (runs, runs[::-1]):
+        reached, motor = required_rows(*order)
+        assert reached[2:] == ("99.50 %", "FAIL")
+        assert motor[1:] == ("at most 0.01°/s", "0.0120°/s", "FAIL")
 
 
 def test_a_motor_that_leads_on_purpose_is_no_pass_of_its_limit() -> None:

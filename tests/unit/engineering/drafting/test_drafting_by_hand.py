@@ -5,8 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
 from gantryctl.engineering.drafting import choice, open_items
 from gantryctl.engineering.drafting.draft import _accuracy
 from gantryctl.engineering.drafting.gains import DraftGains
@@ -118,3 +120,12 @@ def test_an_answer_is_no_guess_and_what_nobody_answered_is_one() -> None:
     assert values["structure.first_mode_hz"] == Drafted(2.5, Origin.SHEET, "answered")
     assert values["load.inertia_kg_m2"].origin is Origin.GUESS
     assert "structure.first_mode_hz" not in values["sheet.guesses"].value
+
+
+def test_what_gears_of_a_grade_keep_is_kept_by_ninety_five_of_a_hundred(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """0.001 to 0.101 deg in steps of 0.001: 95 of the hundred steps lie below 0.096."""
+    monkeypatch.setattr(open_items, "errors_from_points", lambda *_: None)
+    monkeypatch.setattr(open_items, "accuracy_a", lambda _: np.arange(1.0, 102.0) / 1000.0)
+    assert open_items._kept_deg(chord_procedure("A"), np.zeros((1, 1))) == pytest.approx(0.096)
