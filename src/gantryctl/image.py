@@ -378,6 +378,8 @@ class OutputImage(NamedTuple):
     """The load stands at its target, within the window."""
     at_rest: bool = False
     """The load is commanded to stand, and the motor stands."""
+    torque_holds: bool = False
+    """Torque at zero speed holds the load alone: its brake is not trusted. No output of the machine."""
 
 
 SAFE_OUTPUT = OutputImage()

@@ -258,8 +258,12 @@ class AxisRun:
 
     def load_is_held(self) -> bool:
         """Whether torque alone holds it: the brake is not trusted, and the power sequence ends here."""
-        # A program that has failed is in no phase any more: the engine takes the torque off.
-        held = self.axis.power.phase is PowerPhase.TORQUE_HOLD and self.engine.failure is None
+        # A program that has failed is in no phase any more.
+        held = (
+            self.axis.power.phase is PowerPhase.TORQUE_HOLD
+            if self.engine.failure is None
+            else self.engine.holds_load
+        )
         return held and not self._closed
 
     def _brake_alarms(self) -> list[Alarm]:
@@ -551,8 +555,9 @@ class AxisRun:
             raise
         finally:
             try:
-                # After an exception in a scan the engine runs its own stop program: these scans bring the axis to rest.
-                if self.engine.failure is not None:
+                # After an exception in a scan the engine runs its own stop program: these scans bring the axis to rest,
+                # unless torque holds the load on, which is let go now.
+                if self.engine.failure is not None and not self.engine.holds_load:
                     self.engine.run_for(_POWER_S)
             finally:
                 self._leave(result, alarm)

@@ -27,7 +27,13 @@ from gantryctl.runtime.clocks import VirtualClock
 from gantryctl.runtime.interrupts import DeferredInterrupt
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
 from gantryctl.runtime.statistics import ScanStatistics
-from gantryctl.runtime.stopping import REFERENCE_STOP, StopProgram, StopTimes, quick_stop_output
+from gantryctl.runtime.stopping import (
+    REFERENCE_STOP,
+    StopProgram,
+    StopTimes,
+    quick_stop_output,
+    stop_output,
+)
 from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees, unit_of
 
 if TYPE_CHECKING:
@@ -60,8 +66,8 @@ class Engine:
 
     When anything in a scan raises, the drive gets a quick stop in place of the program's output and the
     error goes on as a `GantryctlError`. Scans that the caller still makes bring the axis to rest, close the
-    brake and take the torque off, without the program. A recorder that fails loses the rest of its
-    recording, and the axis goes on.
+    brake and take the torque off, without the program; torque that alone holds the load goes on
+    (`holds_load`). A recorder that fails loses the rest of its recording, and the axis goes on.
 
     Args:
         stop_times: of the stop behind a failure.
@@ -134,6 +140,11 @@ class Engine:
         finally:
             self.clock.start()
 
+    @property
+    def holds_load(self) -> bool:
+        """The program has failed while torque alone held the load, and the torque goes on with every scan."""
+        return isinstance(self._active, StopProgram) and self._active.holding
+
     def trace(self) -> Trace:
         """Copy the recording so far.
 
@@ -199,7 +210,7 @@ class Engine:
                 raise DeviceError(text) from failure
             if isinstance(failure, GantryctlError):
                 raise
-            raise ScanFailure(failure, scan, time_s) from failure
+            raise ScanFailure(failure, scan, time_s, held=self.holds_load) from failure
 
     def _scan_until(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         clock, interrupt, scan = self.clock, self._interrupt, self._scan
@@ -269,9 +280,9 @@ class Engine:
         """
         self.failure = self.failure or failure
         # The brake stays as it was: closing on a turning gantry loads the reducer more than the ramp (decision 0006).
-        output = quick_stop_output(self.output.brake_open)
+        output = stop_output(self.output)
         if not isinstance(self._active, StopProgram):
-            self._active = StopProgram(output.brake_open, self.program.trace_columns, self._stop_times)
+            self._active = StopProgram(output, self.program.trace_columns, self._stop_times)
         try:
             with suppress(Exception):
                 if self._record is not None:
@@ -291,7 +302,9 @@ class ScanFailure(AlarmStop):
         values: fields of the message of SYS-09: type, scan, time, text, and the line it came from.
     """
 
-    def __init__(self, failure: Exception | SystemExit, scan: int, time_s: float) -> None:
+    def __init__(
+        self, failure: Exception | SystemExit, scan: int, time_s: float, *, held: bool = False
+    ) -> None:
         frames = traceback.extract_tb(failure.__traceback__)
         place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}" if frames else "unknown place"
         self.values: dict[str, object] = {
@@ -299,6 +312,6 @@ class ScanFailure(AlarmStop):
         }  # fmt: skip
         super().__init__(
             f"SYS-09 STOP · {type(failure).__name__} in scan {scan} (t = {time_s:.3f} s): {failure} ({place}) · "
-            "quick stop · correct the program or report this",
+            f"{'torque goes on holding the load' if held else 'quick stop'} · correct the program or report this",
             "SYS-09",
         )

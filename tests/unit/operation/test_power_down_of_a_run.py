@@ -11,7 +11,7 @@ import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.image import DriveRequest, DriveState
+from gantryctl.image import DriveRequest, DriveState, OutputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation.client import Snapshot, Stop
 from gantryctl.operation.run import AxisRun
@@ -233,11 +233,8 @@ def test_a_power_down_behind_an_alarm_tells_of_the_brake() -> None:
     run.close("stopped")
 
 
-def test_a_program_that_fails_holds_nothing_and_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
-    """The engine stops the axis in its place and takes the torque off: nobody is told that it holds the load."""
-    run, _ = powered()
-    with pytest.raises(AlarmStop):
-        run.power_down()
+def failing(run: AxisRun) -> ScanFailure:
+    """The program of a run raises in its next scan, and ever after."""
 
     def scan(image: object) -> None:
         raise ArithmeticError("planted")
@@ -245,15 +242,60 @@ def test_a_program_that_fails_holds_nothing_and_the_run_ends(capsys: pytest.Capt
     run.engine.program.scan = scan  # type: ignore[method-assign, assignment]
     with pytest.raises(ScanFailure) as failed:
         run.engine.run_for(0.1)
-    assert not run.load_is_held()
-    # What becomes of the load without a program is not the matter here.
-    assert isinstance(run.drive, SimDrive)
-    run.drive.change_plant("brake_torque_nm", 400.0)
+    return failed.value
+
+
+def test_torque_that_alone_holds_a_load_outlives_its_program(capsys: pytest.CaptureFixture[str]) -> None:
+    """A brake with 2 % of its torque, 31 kN m: the load stands for as long as before, and people are told."""
+    run, stood_deg = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+    failed = failing(run)
+    assert run.load_is_held()
     run._paced = True
-    asked_after(run, 5, lambda: None)
-    run.close("failed", failed.value)
-    assert capsys.readouterr().err == ""
-    assert run.engine.output.request is DriveRequest.DISABLE
+    seen: list[float] = []
+    run.engine.run_for(5.0)
+    asked_after(run, 5, lambda: seen.append(load_deg(run)))
+    begun_s = run.engine.time_s
+    run.close("failed", failed)
+    assert len(seen) == 5
+    assert max(abs(angle_deg - stood_deg) for angle_deg in seen) < SLIP_DEG
+    told = capsys.readouterr().err
+    assert "BRK-03 STOP" in told
+    assert "asked twice to stop" in told
+    # Asked twice it is let go at once.
+    assert run.engine.time_s - begun_s == pytest.approx(0.5, abs=0.11)
+
+
+def test_a_program_that_fails_behind_a_brake_that_holds_leaves_the_load_to_it() -> None:
+    """The liar: torque at zero speed against a closed brake, in the torque proof, is no torque that holds a load."""
+    run = AxisRun(HANGING)
+    run._scans.command(power=True)
+    run.engine.run_until(lambda _: run.axis.power.phase is PowerPhase.PROVING, 2.0)
+    assert (run.engine.output.request, run.engine.output.brake_open) == (DriveRequest.ENABLE, False)
+    failed, stood_deg = failing(run), load_deg(run)
+    assert not run.load_is_held()
+    run.engine.run_for(1.0)
+    assert run.engine.output == OutputImage()
+    assert abs(load_deg(run) - stood_deg) < SLIP_DEG
+    run.close("failed", failed)
+
+
+@pytest.mark.parametrize("trips", [False, True])
+def test_a_drive_in_fault_is_asked_for_nothing_by_an_engine_without_a_program(trips: bool) -> None:
+    """It holds nothing, and a person resets it."""
+    run, _ = powered()
+    with pytest.raises(AlarmStop):
+        run.power_down()
+    failed = failing(run)
+    if trips:
+        assert isinstance(run.drive, SimDrive)
+        run.drive.trip(0x7300)
+        run.drive.change_plant("brake_torque_nm", 400.0)  # what becomes of the load is not the matter here
+    run.engine.run_for(1.0)
+    assert run.load_is_held() is not trips
+    assert (run.engine.output.request is DriveRequest.DISABLE) is trips
+    run.close("failed", failed)
 
 
 def test_an_alarm_that_has_been_told_is_told_no_second_time() -> None:

@@ -463,6 +463,40 @@ def test_whatever_a_scan_raises_the_axis_comes_to_rest_and_it_is_remembered(rais
         assert "SYS-09 stopped the axis" in str(desk.permit.blocked_by)
 
 
+def test_a_controller_whose_program_has_failed_holds_what_torque_alone_holds_until_it_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It goes on to tell its state, and ends as one that holds a load is ended: 20 s after it was asked."""
+    monkeypatch.setattr(process, "END_S", 0.0)
+    held = OutputImage(DriveRequest.ENABLE, 0.0, 10.0, torque_holds=True)
+    delivered()
+    with opened() as desk:
+        told: list[OutputImage] = []
+        after = desk.controller._after_scan
+
+        def scan(image: object) -> OutputImage:
+            if told:
+                raise ArithmeticError("planted")
+            return held
+
+        def looked(publisher: Any) -> bool:
+            told.append(desk.engine.output)
+            if len(told) == 1000:
+                desk.controller.end()
+            return after(publisher)
+
+        desk.engine.program.scan = scan
+        desk.controller._after_scan = looked
+        assert desk.controller.run(real_time=False) == AlarmStop.exit_code
+        # The first is of the program itself.
+        assert len(told) >= 1000
+        assert set(told[1:]) == {held._replace(lamp=True)}
+        assert any(
+            "torque goes on holding the load" in text or "Torque kept" in text for text in texts(desk.memory)
+        )
+        assert any(text.startswith("SYS-09 STOP") for text in texts(desk.memory))
+
+
 def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk has a thread of its own; the event ring has one writer, the scan."""
     delivered()

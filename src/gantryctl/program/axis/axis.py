@@ -38,6 +38,7 @@ TRACE_COLUMNS: Final = (
 
 _OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
+_TORQUE_HOLD: Final = PowerPhase.TORQUE_HOLD
 # Where the reading is tried: by speed commands, while the drive ramps by itself, and by its torque where it holds zero
 # speed. A drive that ramps turns the shaft against its torque, and HOLD has a watch of its own.
 _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
@@ -225,6 +226,7 @@ class Axis:
             power.phase is not _OFF,
             virtual.following and self.monitors.in_position,
             at_rest,
+            power.phase is _TORQUE_HOLD,
         )
 
     def _control_again(self) -> None:

@@ -28,7 +28,7 @@ from gantryctl.operation.opening import left_on_failure, open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
-from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import ENERGISED
 from gantryctl.runtime import ScanFailure
@@ -142,26 +142,40 @@ class Controller:
             while not self.engine.run_until(lambda _: self._after_scan(publisher), _DAY_S):
                 pass
         except GantryctlError as raised:
-            failure = self._stopped_by(raised)
+            failure = self._stopped_by(raised, publisher)
         finally:
             self._close(failure)
         return 0 if failure is None else AlarmStop.exit_code
 
-    def _stopped_by(self, raised: GantryctlError) -> AlarmStop:
-        """Bring the axis to rest after an error in a scan, whatever it was; the engine has begun the stop."""
+    def _stopped_by(self, raised: GantryctlError, publisher: Publisher) -> AlarmStop:
+        """Bring the axis to rest after an error in a scan, whatever it was; the engine has begun the stop.
+
+        Where torque alone holds the load it goes on, and is told, until the service ends.
+        """
         engine = self.engine
-        failure = raised if isinstance(raised, AlarmStop) else ScanFailure(raised, engine.scan, engine.time_s)
+        failure = (
+            raised
+            if isinstance(raised, AlarmStop)
+            else ScanFailure(raised, engine.scan, engine.time_s, held=engine.holds_load)
+        )
         if isinstance(failure, ScanFailure):
-            self.axis.alarms.raise_(Code.SYS_09, None, **failure.values)
+            reaction = Reaction.HOLD if engine.holds_load else None
+            self.axis.alarms.raise_(Code.SYS_09, reaction, **failure.values)
             self.alarms.scan()
         else:
             self.events.put("alarm", str(failure))
         end_s = engine.time_s + _STOP_S
-        for _ in range(_STOP_TRIES):
+        for _ in range(0 if engine.holds_load else _STOP_TRIES):
             # A drive that was silent for a moment may answer again.
             with contextlib.suppress(GantryctlError):
                 engine.run_for(max(0.0, end_s - engine.time_s))
                 break
+        while engine.holds_load and time.monotonic() <= self._end_s:
+            try:
+                engine.run_until(lambda _: self._after_scan(publisher) or not engine.holds_load, _DAY_S)
+            except GantryctlError:  # what comes after a scan may be what has failed
+                if self.operator.shutdown:
+                    self._end_s = min(self._end_s, time.monotonic() + END_S)
         return failure
 
     def end(self) -> None:
