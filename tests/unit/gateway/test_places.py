@@ -222,6 +222,15 @@ def test_who_has_been_idle_for_longest_makes_room() -> None:
     assert closed == ["second", "first"]
 
 
+def test_an_address_without_a_place_takes_none_of_another_one() -> None:
+    places, closed = Places(9, loopback=3, remote=2), []
+    idle = places.take("192.0.2.7")
+    assert idle is not None
+    idle.rest(lambda: closed.append("idle"))
+    assert [places.take("192.0.2.8") is not None for _ in range(3)] == [True, True, False]
+    assert (closed, idle.mine) == ([], True)
+
+
 def test_where_no_place_is_left_at_all_the_largest_crowd_makes_room() -> None:
     """Two of one address and one of another, all idle: whoever comes takes the place of the two."""
     places = Places(3, loopback=3, remote=3)

@@ -190,6 +190,30 @@ def test_sectors_of_an_axis_without_ends_leave_a_degree_all_round(
             modulo_machine({"axis.no_go_deg": sectors})
 
 
+@pytest.mark.parametrize(
+    ("at_drive", "at_node", "differ"),
+    [
+        ((20, 21), (-1, -1), True),
+        ((20, 20), (-1, -1), False),
+        ((20, 21), (3, 3), False),
+        # Bit 3 of one place and bit 3 of the other; an input at the node is read there, whatever the drive has.
+        ((-1, 3), (3, -1), True),
+        ((3, -1), (-1, 3), True),
+        ((20, 20), (3, -1), True),
+        ((20, 20), (3, 4), True),
+    ],
+)
+def test_two_channels_of_the_emergency_stop_are_two_inputs(
+    at_drive: tuple[int, int], at_node: tuple[int, int], differ: bool
+) -> None:
+    changes: dict[str, object] = {**CAN, "can.interface": "simulated", "can.io.node": 9}
+    for place, bits in (("can.inputs", at_drive), ("can.io.inputs", at_node)):
+        changes |= {
+            f"{place}.{name}": bit for name, bit in zip(("estop_ok", "estop_ok_2"), bits, strict=True)
+        }
+    assert any("another input than estop_ok_2" in each for each in broken(changes)) is not differ
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_the_way_of_a_silent_controller_is_that_of_either_direction(way: float) -> None:
     """3 deg/s: 0.3 deg in 100 ms, and 9 / 10.8 of the quick stop."""

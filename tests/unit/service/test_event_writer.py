@@ -168,6 +168,8 @@ def test_a_slow_commit_is_told_once(bench: Bench, took_s: float, told: bool) -> 
     ("looks_mb", "told"),
     [
         ([1000], []),
+        # Near the reserve, and never below it.
+        ([70, 65], []),
         # 64 and 16 MB are reserved; a tenth more is room again.
         ([64, 63, 63], ["JRN-01"]),
         ([63, 70, 71], ["JRN-01", "room again: 71 MB"]),
