@@ -65,7 +65,7 @@ class Reach(IntEnum):
     """How far a step can move the gantry: a person who has agreed to one need not be asked for less."""
 
     NOTHING = 0
-    # At most 0.05 deg.
+    # At most 0.05 deg, or 25 deg of the motor.
     STANDSTILL = 1
     # Some 10 deg.
     NEAR = 2
@@ -140,7 +140,8 @@ STEPS: Final = (
     Step("torque", "Torque limit", "pushes against the closed brake: the limit of the drive maker's tool",
          "less than 0.02 deg", steps_lacks.torque, Reach.STANDSTILL, lambda machine: 4.0, makes_up=TORQUE),
     Step("sign", "Sign and scale", "a brief speed pulse with the position loop open, torque and speed limits lowered",
-         "at most 0.05 deg", steps_sign.sign, Reach.STANDSTILL, lambda machine: 3.3),
+         "at most 0.05 deg, or 25 deg of the motor where that is more", steps_sign.sign, Reach.STANDSTILL,
+         lambda machine: 3.3),
     Step("velocity", "Velocity step", "a step to creep speed, position loop open", "at most 1 deg",
          steps_power.velocity, Reach.NEAR, lambda machine: 7.0),
     Step("ring", "Ring encoder", "turns both ways, position loop open: the encoder on the ring beside the motor's",

@@ -15,6 +15,9 @@ from gantryctl.image import DriveRequest
 from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.units import DEG_S_PER_R_MIN
 
+# Ways and speeds are those at the gantry from this ratio on. Below it the motor turns as far as there: what friction
+# takes of a pulse before the speed loop follows is an angle of the motor, 1.3 deg of a rotary table.
+_RATIO: Final = 500.0
 # Less than the leash of 0.05 deg, whichever way the motor turns.
 _PULSE_DEG: Final = 0.03
 _PULSE_S: Final = 1.5
@@ -45,16 +48,18 @@ _PASSED: Final = 1.15
 def sign(c: Context) -> StepResult:
     """Command a half-sine pulse of speed: position and speed must show the commanded way, then the lowered 6072 act."""
     figures: dict[str, Figure] = {}
-    with open_loop_axis(c, _LEASH_DEG, "speed pulse", following=False) as axis:
+    longer = longer_by(c.machine.axis.ratio)
+    pulse_deg, leash_deg, leash_deg_s = (longer * each for each in (_PULSE_DEG, _LEASH_DEG, _LEASH_DEG_S))
+    with open_loop_axis(c, leash_deg, "speed pulse", following=False) as axis:
         sdo = axis.drive.node.sdo
         full = {index: sdo.optional(index) for index in (_TORQUE_LIMIT, _SPEED_CEILING)}
         lowered = _lower_limits(c, axis)
         axis.enable()
         way, way_by_speed = _pulse(axis)
         for name, seen in (("ratio_position", way), ("ratio_speed", way_by_speed)):
-            figures[name] = Figure(seen / _PULSE_DEG, 1.0 - _TOLERANCE, 1.0 + _TOLERANCE)
+            figures[name] = Figure(seen / pulse_deg, 1.0 - _TOLERANCE, 1.0 + _TOLERANCE)
         ways = f"{way:+.4f} deg by position, {way_by_speed:+.4f} deg by speed (motor side)"
-        proof = f"{_PULSE_DEG:g} deg commanded: {ways}"
+        proof = f"{pulse_deg:.2g} deg commanded: {ways}"
         # Only a drive that turns the right way is pushed harder.
         if all(figure.within for figure in figures.values()):
             proof += _push(axis, lowered, figures)
@@ -68,11 +73,17 @@ def sign(c: Context) -> StepResult:
         )
     right = all(figure.within for figure in figures.values())
     if right and not known:
-        proof += _counts(c, settings, way / _PULSE_DEG, lowered, figures)
+        proof += _counts(c, settings, way / pulse_deg, lowered, figures)
     if missing := [f"{index:04X}" for index in (_TORQUE_LIMIT, _SPEED_CEILING) if index not in lowered]:
-        proof += f"; no {', '.join(missing)} in this drive: torque off at {_LEASH_DEG:g} deg or {_LEASH_DEG_S:g} deg/s"
+        until = f"{leash_deg:.2g} deg or {leash_deg_s:.2g} deg/s"
+        proof += f"; no {', '.join(missing)} in this drive: torque off at {until}"
     to_do = "[can] inverted, increments_per_turn, velocity_unit, or [axis] ratios; 6072 where the torque is not limited"
     return judged(True, "sign", proof, to_do, **figures)
+
+
+def longer_by(ratio: float) -> float:
+    """How much longer the test moves are on an axis of a low ratio."""
+    return max(1.0, _RATIO / ratio)
 
 
 def _counts(
@@ -102,16 +113,18 @@ def _counts(
 
 def _at_ceiling(c: Context) -> float:
     """Speed at a lowered 6080, with 60FF above it: by the increments of the machine file, as part of what it is."""
-    with open_loop_axis(c, _LEASH_DEG, "speed ceiling", following=False) as axis:
-        ceiling = max(1, round(_COUNTED_DEG_S * axis.ratio / DEG_S_PER_R_MIN))
+    longer = longer_by(c.machine.axis.ratio)
+    counted_deg_s = longer * _COUNTED_DEG_S
+    with open_loop_axis(c, longer * _LEASH_DEG, "speed ceiling", following=False) as axis:
+        ceiling = max(1, round(counted_deg_s * axis.ratio / DEG_S_PER_R_MIN))
         sdo = axis.drive.node.sdo
         full = sdo.number(_SPEED_CEILING)
         sdo.set(_SPEED_CEILING, 0, ceiling)
         axis.enable()
         seen = []
         for k in range(round(_COUNTED_S / axis.period_s)):
-            axis.scan(DriveRequest.ENABLE, 2.0 * _COUNTED_DEG_S)
-            _hold_back(axis, _COUNTED_DEG_S)
+            axis.scan(DriveRequest.ENABLE, 2.0 * counted_deg_s)
+            _hold_back(axis, counted_deg_s)
             if k * axis.period_s >= _COUNTED_S / 2.0:
                 seen.append(axis.speed_deg_s)
         axis.run(_REST_S)
@@ -125,7 +138,7 @@ def _pulse(axis: OpenLoopAxis) -> tuple[float, float]:
     begun, way_by_speed = axis.angle_deg, 0.0
     n = round(_PULSE_S / axis.period_s)
     # A half sine has no jump of speed: its mean is 2/pi of its peak.
-    peak = _PULSE_DEG / _PULSE_S * math.pi / 2.0
+    peak = longer_by(axis.ratio) * _PULSE_DEG / _PULSE_S * math.pi / 2.0
     for k in range(n + round(_REST_S / axis.period_s)):
         axis.scan(DriveRequest.ENABLE, peak * math.sin(math.pi * (k + 0.5) / n) if k < n else 0.0)
         way_by_speed += axis.speed_deg_s * axis.period_s
@@ -134,7 +147,7 @@ def _pulse(axis: OpenLoopAxis) -> tuple[float, float]:
 
 
 def _hold_back(axis: OpenLoopAxis, wanted_deg_s: float) -> None:
-    if not abs(axis.speed_deg_s) <= _LEASH_DEG_S:
+    if not abs(axis.speed_deg_s) <= longer_by(axis.ratio) * _LEASH_DEG_S:
         axis.stop_for(
             f"{axis.speed_deg_s:+.2f} deg/s by the drive, at most {wanted_deg_s:.3f} deg/s are commanded"
         )
@@ -149,20 +162,25 @@ def _push(axis: OpenLoopAxis, lowered: dict[int, int], figures: dict[str, Figure
     if _TORQUE_LIMIT not in lowered or not axis.drive.process.torque_known:
         return "; the torque limit is not shown"
     limit = lowered[_TORQUE_LIMIT] * axis.drive.opened.units.torque_unit_nm
-    begun, most, held = axis.angle_deg, 0.0, 0
+    begun, most, held, longer = axis.angle_deg, 0.0, 0, longer_by(axis.ratio)
     for k in range(round(_PUSH_S / axis.period_s)):
         # Back over the way of the pulse.
-        axis.scan(DriveRequest.ENABLE, -_PUSH_DEG_S2 * (k + 1) * axis.period_s)
+        axis.scan(DriveRequest.ENABLE, -longer * _PUSH_DEG_S2 * (k + 1) * axis.period_s)
         given = abs(axis.feedback.torque_act_nm)
         most = max(most, given)
         if not given <= _PASSED * limit:
-            axis.stop_for(f"6072 lowered to {limit:.0f} N m is not heeded: {given:.0f} N m given")
+            axis.stop_for(f"6072 lowered to {_nm(limit)} is not heeded: {_nm(given)} given")
         held = held + 1 if given >= _REACHED * limit else 0
-        if held * axis.period_s >= _HELD_S or not abs(axis.angle_deg - begun) <= _PUSH_DEG:
+        if held * axis.period_s >= _HELD_S or not abs(axis.angle_deg - begun) <= longer * _PUSH_DEG:
             break
     axis.run(_REST_S)
     figures["torque_most_nm"] = Figure(most, _REACHED * limit, _PASSED * limit)
-    return f"; 6072 lowered to {limit:.0f} N m, {most:.0f} N m given"
+    return f"; 6072 lowered to {_nm(limit)}, {_nm(most)} given"
+
+
+def _nm(torque_nm: float) -> str:
+    """A torque for people, in two digits where it is small."""
+    return f"{torque_nm:.0f} N m" if torque_nm >= 10.0 else f"{torque_nm:.2g} N m"
 
 
 def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
@@ -176,7 +194,9 @@ def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
         _TORQUE_LIMIT: round(
             _TORQUE_PART * c.machine.motor.torque_rated_nm / axis.drive.opened.units.torque_unit_nm
         ),
-        _SPEED_CEILING: max(1, math.ceil(_CEILING_DEG_S * axis.ratio / DEG_S_PER_R_MIN)),
+        _SPEED_CEILING: max(
+            1, math.ceil(longer_by(axis.ratio) * _CEILING_DEG_S * axis.ratio / DEG_S_PER_R_MIN)
+        ),
     }
     lowered = {}
     for index, most in wanted.items():

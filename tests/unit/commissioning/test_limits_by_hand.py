@@ -82,7 +82,7 @@ def shown(speed_deg_s: float) -> Any:
     def stop_for(why: str) -> None:
         raise AlarmStop(why)
 
-    return SimpleNamespace(speed_deg_s=speed_deg_s, stop_for=stop_for)
+    return SimpleNamespace(ratio=1144.0, speed_deg_s=speed_deg_s, stop_for=stop_for)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -98,7 +98,11 @@ def test_a_pulse_is_a_half_sine_and_then_rest() -> None:
     """1.5 s are 375 scans, 0.5 s of rest 125: as fast at the end as at the beginning, and 0.03 deg in all."""
     asked: list[float] = []
     axis: Any = SimpleNamespace(
-        angle_deg=0.0, speed_deg_s=0.0, period_s=PERIOD_S, scan=lambda _, speed: asked.append(speed)
+        ratio=1144.0,
+        angle_deg=0.0,
+        speed_deg_s=0.0,
+        period_s=PERIOD_S,
+        scan=lambda _, speed: asked.append(speed),
     )
     steps_sign._pulse(axis)
     pulse, rest = asked[:375], asked[375:]
@@ -110,7 +114,7 @@ def test_a_pulse_is_a_half_sine_and_then_rest() -> None:
 
 def test_the_way_of_a_pulse_begins_where_the_axis_stood() -> None:
     """It had moved by 0.01 deg since the drive was opened."""
-    axis: Any = SimpleNamespace(angle_deg=0.01, speed_deg_s=0.0, period_s=PERIOD_S)
+    axis: Any = SimpleNamespace(ratio=1144.0, angle_deg=0.01, speed_deg_s=0.0, period_s=PERIOD_S)
 
     def scan(_: object, speed_deg_s: float) -> None:
         axis.angle_deg += speed_deg_s * PERIOD_S
@@ -131,7 +135,7 @@ def test_a_lowered_torque_limit_may_be_passed_by_15_percent(given: float, way: f
     axis.scan = axis.run = lambda *_: None
     figures: dict[str, Figure] = {}
     if given == 1.15:
-        assert steps_sign._push(axis, {0x6072: 100}, figures) == "; 6072 lowered to 1 N m, 1 N m given"
+        assert steps_sign._push(axis, {0x6072: 100}, figures) == "; 6072 lowered to 1 N m, 1.1 N m given"
         assert figures["torque_most_nm"].value == 1.15
     else:
         with pytest.raises(AlarmStop, match="is not heeded"):

@@ -140,7 +140,7 @@ def test_a_ceiling_in_r_min_shows_the_increments_of_a_turn(step: Any, shown: flo
 def test_a_lowered_limit_is_reached_when_it_is_held_for_40_ms(given: list[float], scans: int) -> None:
     """Of 1 N m; a peak, or nine scans of 4 ms again and again, is no limit. A push lasts 0.5 s at the most."""
     axis: Any = SimpleNamespace(
-        angle_deg=0.0, period_s=PERIOD_S, feedback=None, scanned=0, run=lambda *_: None
+        ratio=1144.0, angle_deg=0.0, period_s=PERIOD_S, feedback=None, scanned=0, run=lambda *_: None
     )
     process, units = SimpleNamespace(torque_known=True), SimpleNamespace(torque_unit_nm=0.01)
     axis.drive = SimpleNamespace(process=process, opened=SimpleNamespace(units=units))

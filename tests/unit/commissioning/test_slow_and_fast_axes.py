@@ -16,9 +16,10 @@ from gantryctl.commissioning.load_side import ring
 from gantryctl.commissioning.results import Outcome
 from gantryctl.commissioning.steps_lacks import _stop_from, ramp
 from gantryctl.commissioning.stopping.quick_stop import trial_speed_deg_s
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.image import DriveRequest
 from gantryctl.machine import Machine, with_values
-from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, context, opens
+from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, axis_of, context, opens
 
 pytestmark = pytest.mark.can
 
@@ -185,3 +186,52 @@ def test_a_ceiling_that_is_lower_than_that_of_the_sign_test_stays(step: Any) -> 
     step(steps_sign, "sign", drive)
     assert set(seen) == {52}
     assert drive.sdo.values[0x6080] == 52
+
+
+@pytest.mark.parametrize(
+    ("ratio", "pulse_deg", "leash_deg"), [(1144.0, 0.03, 0.05), (500.0, 0.03, 0.05), (180.0, 0.0833, 0.1389)]
+)
+def test_the_motor_of_a_low_ratio_turns_as_far_as_that_of_a_gantry(
+    monkeypatch: pytest.MonkeyPatch, ratio: float, pulse_deg: float, leash_deg: float
+) -> None:
+    """15 deg of the motor at the least, on a leash of 25; friction takes 1.3 deg of it."""
+    seen: dict[str, float] = {}
+    machine = SimpleNamespace(axis=SimpleNamespace(ratio=ratio), motor=SimpleNamespace(torque_rated_nm=0.8))
+    axis = SimpleNamespace(
+        ratio=ratio, period_s=PERIOD_S, angle_deg=0.0, speed_deg_s=0.0, enable=lambda: None, disable=lambda: None,
+        drive=SimpleNamespace(
+            node=SimpleNamespace(sdo=SimpleNamespace(optional=lambda index: None)),
+            opened=SimpleNamespace(settings=None, units=SimpleNamespace(torque_unit_nm=0.001),
+                                   rows=[SimpleNamespace(place="608F:01", verdict=ParameterVerdict.OK)]),
+        ),
+    )  # fmt: skip
+
+    def scan(request: DriveRequest, speed_deg_s: float) -> None:
+        axis.speed_deg_s = speed_deg_s
+        axis.angle_deg += speed_deg_s * PERIOD_S
+        seen["most"] = max(seen.get("most", 0.0), axis.angle_deg)
+
+    axis.scan = scan
+
+    def opened(c: object, leash: float, part: str, *, following: bool) -> Any:
+        seen["leash"] = leash
+        return nullcontext(axis)
+
+    monkeypatch.setattr(steps_sign, "open_loop_axis", opened)
+    found = steps_sign.sign(context(machine))  # type: ignore[arg-type]
+    assert found.outcome is Outcome.PASSED
+    assert seen["most"] == pytest.approx(pulse_deg, rel=2e-3)
+    assert seen["leash"] == pytest.approx(leash_deg, rel=1e-3)
+    assert found.number("ratio_position") == pytest.approx(1.0, rel=1e-3)
+    # 0.2 deg/s of a gantry, 100 deg/s of the motor.
+    assert f"torque off at {leash_deg:.2g} deg or {max(0.2, 100.0 / ratio):.2g} deg/s" in found.proof
+
+
+@pytest.mark.parametrize(("torque_nm", "told"), [(128.4, "128 N m"), (0.394, "0.39 N m")])
+def test_a_torque_limit_of_a_small_motor_is_not_told_as_none(torque_nm: float, told: str) -> None:
+    """Half of what it is rated for."""
+    drive = HandDrive(torque_nm=torque_nm)
+    drive.opened.units.torque_unit_nm = torque_nm / 500.0
+    axis = axis_of(drive)
+    axis.enable()
+    assert steps_sign._push(axis, {0x6072: 500}, {}) == f"; 6072 lowered to {told}, {told} given"

@@ -261,7 +261,7 @@ def test_the_pulse_is_told_by_position_and_by_speed(step: Any) -> None:
 
 def test_the_lowered_limit_is_told_beside_what_was_given() -> None:
     """100 N m, and 95 of them are given."""
-    axis: Any = SimpleNamespace(angle_deg=0.0, period_s=0.004, run=lambda *_: None)
+    axis: Any = SimpleNamespace(ratio=1144.0, angle_deg=0.0, period_s=0.004, run=lambda *_: None)
     process, units = SimpleNamespace(torque_known=True), SimpleNamespace(torque_unit_nm=1.0)
     axis.drive = SimpleNamespace(process=process, opened=SimpleNamespace(units=units))
     axis.feedback = SimpleNamespace(torque_act_nm=-95.0)
