@@ -472,6 +472,7 @@ export const WORDS: Record<string, string> = {
   HAS_CONTROL: "控制权在 {user}",
   TAKE_CONTROL_FIRST: "请先取得控制权",
   LINK_DEAD: "链接已用过、超过一分钟，或不是在本机打开：请用 `gantryctl console` 取得新链接",
+  HAS_TAKEN_CONTROL: "{user} 已取得控制权",
   HAS_CONTROL_LOCALLY: "控制权在本地控制台的 {user}",
   HAS_CONTROL_MOVING: "控制权在 {user} 且轴在运动",
   LEASE_USED: "此租约已用过：请重新按下",

@@ -15,6 +15,7 @@ from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import default_machine, short_hash
 from gantryctl.operation.client import Ending, Stop
 from gantryctl.program import BrakeTestOutcome
+from gantryctl.service.clients.link import Refused
 
 MACHINE = default_machine()
 AT_REST: dict[str, Any] = {
@@ -39,7 +40,7 @@ class Link:
     """
 
     client = "me"
-    lets_go = ""
+    lets_go: Refused | None = None
 
     def __init__(self, **tags: Any) -> None:
         self.tags = {**AT_REST, **tags}
@@ -63,7 +64,7 @@ class Link:
         self.tags.update(self.does.get(kind, {}))
         return {"journal": 100, "epoch": self.tags["epoch"]}
 
-    def hold(self, forward: bool, seconds: float, stopped: object) -> str:
+    def hold(self, forward: bool, seconds: float, stopped: object) -> Refused | None:
         self.asked.append("hold")
         self.tags.update(self.does.get("hold", {}))
         return self.lets_go
@@ -133,7 +134,7 @@ def test_what_somebody_else_has_ended_is_not_done(
 
 def test_a_key_that_the_service_has_let_go_was_not_held_for_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     link = Link()
-    link.lets_go = "SEC-09 · the lease ran out"
+    link.lets_go = Refused("SEC-09", "the lease ran out")
     with pytest.raises(CommandRefused, match="SEC-09 · the lease ran out"):
         axis_of(link, monkeypatch).jog(True, 2.0, 5.0)
 

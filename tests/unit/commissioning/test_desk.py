@@ -254,7 +254,7 @@ def test_how_a_step_ended_is_told_of_whoever_began_it(free_room: Room) -> None:
     assert free_room.ask(OTHER, "take", over=True) == ""
     told: list[tuple[str, str]] = []
     free_room.desk.events.put = lambda kind, text, who, **values: told.append((text, who.user))  # type: ignore[method-assign]
-    free_room.desk.tell("command", "step identity passed", step="identity", by=free_room.desk.by)
+    free_room.desk.tell_of_step("command", "step identity passed", step="identity", by=free_room.desk.by)
     free_room.desk.step_ended()
     free_room.desk.tell("service", "commissioning report")
     free_room.go(LOOK_S)

@@ -232,11 +232,12 @@ def test_a_key_that_is_dead_is_held_no_longer(desk: Desk, tmp_path: Path) -> Non
             desk.socket.answers["renew"] = [reply("SEC-09", ok=False), *alive]
         return False
 
-    assert link.hold(True, 60.0, stopped) == "SEC-09 · a text"
+    lost = link.hold(True, 60.0, stopped)
+    assert (lost, str(lost)) == (module.Refused("SEC-09", "a text"), "SEC-09 · a text")
     kinds = [each["type"] for each in desk.socket.sent[1:]]
     assert kinds == ["jog", "renew", "renew", "renew", "renew", "release"]
     desk.socket.answers["renew"] = alive
-    assert link.hold(True, 0.2, lambda: False) == ""
+    assert link.hold(True, 0.2, lambda: False) is None
 
 
 def test_a_renewal_waits_for_no_time_that_is_over(

@@ -15,6 +15,8 @@ from gantryctl.operation.client import BRAKE_WATCH_S, BrakeDue, BrakeTestReport,
 from gantryctl.operation.store import state_root
 from gantryctl.program import BrakeTestOutcome
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.axis.command_checks import (
     check_destination,
     check_direction,
@@ -137,9 +139,8 @@ class ServiceAxis:
         # A person at the page keeps control unless this command is told to take it (SEC-07).
         holder = tags["authority_user"]
         if holder and not self._take_over:
-            raise CommandRefused(
-                f"{Code.SEC_07} · {holder} has control; --take-over takes it, and stops what moves"
-            )
+            refused = _no_control(Words.HAS_CONTROL(user=holder))
+            raise CommandRefused(f"{refused}; --take-over takes it, and stops what moves")
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
         """Take off the torque that was switched on here, give control back, leave."""
@@ -284,7 +285,7 @@ class ServiceAxis:
         epoch = self.tags["epoch"]
         lost = self._link.hold(forward, seconds, lambda: self.stop is not Stop.NO)
         report = self._followed(start_deg, start_s, epoch)
-        if lost and report.done:
+        if lost is not None and report.done:
             raise CommandRefused(f"the key was let go before its time: {lost}")
         return report
 
@@ -368,7 +369,7 @@ class ServiceAxis:
         )
         self._raise_alarm()
         if self._taken_by:
-            raise CommandRefused(f"{Code.SEC_07} · {self._taken_by} has taken control")
+            raise CommandRefused(_no_control(Words.HAS_TAKEN_CONTROL(user=self._taken_by)))
         # Whoever stops, here or elsewhere, begins an epoch; whoever switches off does not.
         stopped = self.stop is not Stop.NO or self.tags["epoch"] != epoch or not self.tags["power"]
         ending = self.stopped_as if stopped else Ending.DONE
@@ -440,3 +441,8 @@ def held_codes(tags: Tags) -> list[str]:
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
+
+
+def _no_control(reason: Said) -> str:
+    refused = refusal(Code.SEC_07, reason=reason)
+    return f"{refused.code} · {refused.text}"

@@ -87,7 +87,7 @@ class Desk:
         self.halt = Halt()
         self._reach = Reach.NOTHING
         self._orders: SimpleQueue[Step | None] = SimpleQueue()
-        self._told: deque[tuple[str, str, dict[str, str]]] = deque()
+        self._told: deque[tuple[str, str, bool, dict[str, str]]] = deque()
         self._shown: object = None
         self._looks = 0
         self._ending_s, self._held = math.inf, False
@@ -118,7 +118,11 @@ class Desk:
 
     def tell(self, kind: str, text: str, **values: str) -> None:
         """Hand an event to this desk, which alone writes its ring."""
-        self._told.append((kind, text, values))
+        self._told.append((kind, text, False, values))
+
+    def tell_of_step(self, kind: str, text: str, **values: str) -> None:
+        """The same of the step under way: it is that of whoever began it, whoever has control when it ends."""
+        self._told.append((kind, text, True, values))
 
     def end(self, why: str) -> None:
         """Stop the step under way, and end."""
@@ -151,9 +155,8 @@ class Desk:
         inbox.time_s = now_s - self._begun_s
         self.frames.tick(now_s)
         while self._told:
-            kind, text, values = self._told.popleft()
-            # A step is that of whoever began it, whoever has control when it ends.
-            who = self._beginner if "step" in values else self.authority.holder
+            kind, text, of_step, values = self._told.popleft()
+            who = self._beginner if of_step else self.authority.holder
             self.events.put(kind, text, who, **values)
         holder = self.authority.holder
         inbox.receive(self.authority.epoch, "" if holder is None else holder.client)

@@ -94,18 +94,18 @@ class Session:
     def _do(self, step: Step) -> None:
         """Run one step and show how it ended."""
         desk = self.desk
-        desk.tell("command", f"step {step.key} began", step=step.key, by=desk.by)
+        desk.tell_of_step("command", f"step {step.key} began", step=step.key, by=desk.by)
         note = ""
         try:
             result = self._work.do(step, desk.halt)
         except StepStopped as stopped:
             note = str(stopped)
-            desk.tell("command", f"step {step.key}: {stopped}", step=step.key)
+            desk.tell_of_step("command", f"step {step.key}: {stopped}", step=step.key)
         else:
             assert result is not None  # its person has agreed at the page
             text = f"step {step.key} {result.outcome.value}: {result.proof}"
             kind = "alarm" if result.outcome is Outcome.FAILED else "command"
-            desk.tell(kind, text, step=step.key, by=desk.by)
+            desk.tell_of_step(kind, text, step=step.key, by=desk.by)
         self._board.show(self._work, note)
         desk.step_ended()
 

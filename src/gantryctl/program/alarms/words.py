@@ -774,6 +774,7 @@ class Words(Enum):
         "the link was used before, is older than a minute, or was not opened here: `gantryctl console` gives another",
         "链接已用过、超过一分钟，或不是在本机打开：请用 `gantryctl console` 取得新链接",
     )
+    HAS_TAKEN_CONTROL = "{user} has taken control", "{user} 已取得控制权"
     HAS_CONTROL_LOCALLY = "{user} has control at the local console", "控制权在本地控制台的 {user}"
     HAS_CONTROL_MOVING = "{user} has control and the axis is moving", "控制权在 {user} 且轴在运动"
     LEASE_USED = "this lease was used before: press again", "此租约已用过：请重新按下"

@@ -8,7 +8,7 @@ import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.operation.store import SERVICE_SOCKET, PeerName
@@ -40,6 +40,20 @@ def _silent(directory: Path, fault: BaseException) -> DeviceError:
     return DeviceError(
         f"no service answers at {directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
     )
+
+
+class Refused(NamedTuple):
+    """Why the service does not do something, as its reply says it."""
+
+    code: str
+    text: str
+
+    @classmethod
+    def of(cls, reply: dict[str, Any]) -> Refused:
+        return cls(reply["code"], reply["text"])
+
+    def __str__(self) -> str:
+        return f"{self.code} · {self.text}"
 
 
 class ServiceLink:
@@ -111,9 +125,9 @@ class ServiceLink:
             self._take(self._next())
         reply = self._replies.pop(seq)
         if not reply["ok"]:
-            raise CommandRefused(f"{reply['code']} · {reply['text']}")
+            raise CommandRefused(str(Refused.of(reply)))
         if reply["code"]:
-            self._warn(f"{reply['code']} · {reply['text']}")
+            self._warn(str(Refused.of(reply)))
         self.tags["epoch"] = reply["epoch"]
         return reply
 
@@ -129,11 +143,11 @@ class ServiceLink:
             raise DeviceError(f"the connection to the service broke: {fault.strerror or fault}") from fault
         return self._seq
 
-    def hold(self, forward: bool, seconds: float, stopped: Any) -> str:
+    def hold(self, forward: bool, seconds: float, stopped: Callable[[], bool]) -> Refused | None:
         """Hold a key for a time, or until `stopped()`; then let go.
 
         Returns:
-            Why the service has let it go before; "" when it has not.
+            Why the service has let it go before; None when it has not.
         """
         lease = secrets.token_hex(8)
         self.ask("jog", lease=lease, direction="forward" if forward else "reverse")
@@ -145,7 +159,7 @@ class ServiceLink:
                 self.say("renew", lease=lease)
                 self._drain()
             # A renewal has no reply but its refusal: then the key is dead.
-            return next((f"{dead['code']} · {dead['text']}" for dead in self._replies.values()), "")
+            return next(map(Refused.of, self._replies.values()), None)
         finally:
             self._socket.settimeout(_TIMEOUT_S)
             self.ask("release", lease=lease)
