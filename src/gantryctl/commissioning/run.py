@@ -101,7 +101,7 @@ def _travel_s(machine: Machine) -> float:
     """The slow turn: to one end, to the other, and to the middle."""
     low, high = reach_deg(machine)
     travel_deg = high - low
-    speed_deg_s = min(steps_motion.TURN_SPEED, machine.speed.setting_max_deg_s)
+    speed_deg_s = steps_motion.turn_speed_deg_s(machine)
     # Three moves, each with half a ramp up and half a ramp down more than at constant speed.
     return 2.0 * travel_deg / speed_deg_s + 3.0 * speed_deg_s / machine.virtual_axis.acc_deg_s2
 

@@ -49,7 +49,7 @@ _SWING_DEG_S: Final = 0.53
 _HARDER: Final = 1.15
 _TOO_LONG: Final = "605A, 6085, torque limit, [virtual_axis] quick_dec_deg_s2; nothing faster before"
 _NOT_THERE: Final = "gains of the drive, [control] kpp_per_s, dead time"
-TURN_SPEED: Final = 3.0
+_TURN_DEG_S: Final = 3.0
 _MARGIN_DEG: Final = 2.0
 # Over less than this a sine and a constant cannot be told apart well.
 _WHOLE_DEG: Final = 300.0
@@ -258,11 +258,16 @@ def _jog_release(c: Context, speed: float) -> float:
     return abs(deg(float(pos[-1] - pos[cruising[-1]])))
 
 
+def turn_speed_deg_s(machine: Machine) -> float:
+    """Speed of the slow turn: 3 deg/s, or the speed setting that is nearest to it."""
+    return min(max(_TURN_DEG_S, machine.speed.setting_min_deg_s), machine.speed.setting_max_deg_s)
+
+
 def slow_turn(c: Context) -> StepResult:
     """Fit friction and eccentric moment to the torque over the angle, both ways."""
     least, most = reach_deg(c.machine)
     low, high = least + _MARGIN_DEG, most - _MARGIN_DEG
-    speed = min(TURN_SPEED, c.machine.speed.setting_max_deg_s)
+    speed = turn_speed_deg_s(c.machine)
     # Forward to the end and from the other end back to where it began: both ways are whole.
     with _recorded_run(c, "the whole travel") as (run, recorder):
         encoders, progress = BothEncoders(run), c.watch.observer()

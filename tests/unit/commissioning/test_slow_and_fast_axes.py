@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gantryctl.commissioning import steps_motion, steps_power, steps_sign
+from gantryctl.commissioning import STEPS, steps_motion, steps_power, steps_sign
 from gantryctl.commissioning.load_side import ring
 from gantryctl.commissioning.results import Outcome
 from gantryctl.commissioning.steps_lacks import _stop_from, ramp
@@ -175,6 +175,29 @@ def test_the_ring_is_turned_by_its_way_whatever_the_axis_can(
     # A scan or two at the peak more.
     assert stood == pytest.approx([0.0, 1.5, 0.0], abs=0.006)
     assert max(map(abs, commanded(drive))) == pytest.approx(most, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "speed", "lasts_s"),
+    # To one end of 360 deg, to the other and to the middle; ramps of 0.393 deg/s2.
+    [(0.6, 6.0, 3.0, 262.9), (0.2, 2.0, 2.0, 375.3), (4.0, 6.0, 4.0, 210.5)],
+)
+def test_the_slow_turn_has_a_speed_that_the_axis_takes(
+    monkeypatch: pytest.MonkeyPatch, least: float, most: float, speed: float, lasts_s: float
+) -> None:
+    asked: list[float] = []
+
+    def move(target: float, speed_deg_s: float) -> SimpleNamespace:
+        asked.append(speed_deg_s)
+        return SimpleNamespace(done=False)
+
+    run: Any = SimpleNamespace(move=move, observe=lambda look: None)
+    monkeypatch.setattr(steps_motion, "_recorded_run", lambda c, part: nullcontext((run, None)))
+    machine = axis_with(most, speed__setting_min_deg_s=least)
+    assert steps_motion.slow_turn(context(machine)).number("speed_deg_s") == speed
+    assert asked == [speed] * 3
+    turn = next(step for step in STEPS if step.key == "turn")
+    assert turn.lasts_s(machine) == pytest.approx(lasts_s, abs=0.1)
 
 
 def test_a_ceiling_that_is_lower_than_that_of_the_sign_test_stays(step: Any) -> None:
