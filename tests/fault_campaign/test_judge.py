@@ -12,6 +12,7 @@ from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.engineering.fault_campaign.draw import Drive, axis_scenario, pair_scenario
 from gantryctl.engineering.fault_campaign.judging.effects import may_come_first
+from gantryctl.engineering.fault_campaign.judging.judge import Judge
 from gantryctl.engineering.fault_campaign.matrix import Cell, run_cell
 from gantryctl.engineering.fault_campaign.play import play
 from gantryctl.engineering.fault_campaign.scenario import Action, PlannedFault, Scenario
@@ -399,3 +400,15 @@ def test_a_load_that_motor_and_brake_hold_excuses_nothing(
 def test_only_a_brake_without_torque_lets_the_motor_give_more_than_the_proof(row: str, may: bool) -> None:
     """A brake that is late, or that stays closed, holds the load while the torque is proven."""
     assert may_come_first(Code.DRV_14, fault_case(row)) is may
+
+
+def test_a_quick_stop_that_was_asked_for_excuses_itself_alone() -> None:
+    judge = Judge.__new__(Judge)
+    judge._cases = []
+    for asked in (True, False):
+        judge._quick_stop_asked = asked
+        assert [judge._caused(code) for code in (Code.INT_06, Code.DRV_01, Code.ENC_02)] == [
+            asked,
+            False,
+            False,
+        ]

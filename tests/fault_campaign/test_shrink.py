@@ -7,8 +7,9 @@ import pytest
 from gantryctl.engineering.fault_campaign import shrink as shrinking
 from gantryctl.engineering.fault_campaign.draw import random_scenario
 from gantryctl.engineering.fault_campaign.matrix import CELLS, Cell, cell, no_sense, run_cell
+from gantryctl.engineering.fault_campaign.person import _jog
 from gantryctl.engineering.fault_campaign.play import Played
-from gantryctl.engineering.fault_campaign.scenario import Scenario
+from gantryctl.engineering.fault_campaign.scenario import Action, Scenario
 from gantryctl.engineering.fault_campaign.shrink import shrink
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.catalogue import CATALOGUE, fault_case
@@ -49,6 +50,32 @@ def test_only_what_is_needed_to_break_is_left(monkeypatch: pytest.MonkeyPatch) -
     assert said
     few = shrink(drawn, said.append, trials_max=3)
     assert few.trials <= 4
+
+
+def test_a_scenario_is_shrunk_to_what_broke_first_and_to_nothing_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without its second jog it breaks another way: both jogs are needed for what was found."""
+    jogs = tuple(Action(at_s=at_s, do="jog", speed_deg_s=1.0, for_s=0.5) for at_s in (1.0, 2.0))
+    whole = Scenario(duration_s=5.0, scan_ms=10.0, actions=jogs)
+
+    def played(scenario: Scenario) -> Played:
+        what = "INV-3" if len(scenario.actions) == 2 else "INV-1"
+        return Played(scenario, violations=(Violation(what, 4.9, "far"),))
+
+    monkeypatch.setattr(shrinking, "play", played)
+    found = shrink(whole, lambda _: None)
+    assert (found.invariant, len(found.played.scenario.actions)) == ("INV-3", 2)
+    assert found.played.violations[0].invariant == "INV-3"
+
+
+def test_a_network_that_goes_renews_a_key_no_longer() -> None:
+    """Held from 1.03 s to 3.03 s, renewed until 1.53 s."""
+    for lease_s, last_s in ((None, 3.03), (0.5, 1.53)):
+        action = Action(at_s=1.0, do="jog", speed_deg_s=1.0, for_s=2.0, lease_s=lease_s)
+        changes = list(_jog(action))
+        assert max(each.at_s for each in changes if each.renews) == pytest.approx(last_s, abs=0.031)
+        assert changes[-1].at_s == pytest.approx(3.03)
 
 
 def test_what_does_not_break_is_not_shrunk() -> None:

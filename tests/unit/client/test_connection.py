@@ -63,6 +63,10 @@ def test_a_move_ends_at_its_target_and_not_where_somebody_has_stopped_it(
     service.moves["move"] = {"pos_ref_deg": 15.0}
     with pytest.raises(MotionStopped, match=r"stopped at 15\.0000 deg, before 20"):
         axis.move(20.0)
+    # A stop just before the end is one too: tags have six decimals.
+    service.moves["move"] = {"pos_ref_deg": 19.99}
+    with pytest.raises(MotionStopped, match=r"stopped at 19\.9900 deg, before 20"):
+        axis.move(20.0)
 
 
 def test_a_modulo_axis_counts_its_angle_within_one_turn(service: FakeService, axis: Axis) -> None:

@@ -36,6 +36,13 @@ def test_a_zero_that_moves_on_by_turns_is_no_step_and_no_error():
         assert line.values == pytest.approx(size_mdeg, abs=1e-6)
 
 
+def test_an_axis_that_turns_through_zero_has_no_step():
+    """10 deg a row: from 350 deg to 0 deg is no more than from 340 deg to 350 deg."""
+    ref = np.arange(0.0, 800.0, 10.0) % 360.0
+    for line in overview(recording(ref, ref))[0].lines:
+        assert np.diff(line.values) == pytest.approx(10.0)
+
+
 def test_errors_of_speed_are_whole_and_gaps_stay_gaps():
     ref = np.array([np.nan, 10.0, 20.0, np.nan, 30.0])
     panels = overview(recording(ref, ref, speed_deg_s=400.0))

@@ -12,7 +12,14 @@ import can
 import pytest
 
 from gantryctl.errors import UsageError
-from gantryctl.trace.frames.files import SUFFIXES, FrameFile, check_log_name, read_alarms, read_frames
+from gantryctl.trace.frames.files import (
+    SUFFIXES,
+    FrameFile,
+    check_log_name,
+    logs_beside,
+    read_alarms,
+    read_frames,
+)
 from gantryctl.trace.frames.recorder import AFTER_S, BEFORE_S, FROZEN_KEPT, FrameRecorder
 from gantryctl.trace.frames.ring import BusFrame, FrameRing, tells_telegrams
 
@@ -295,3 +302,11 @@ def test_a_disk_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
     drained.join()
     os.close(reader)
     assert not recorder.faults
+
+
+def test_parts_of_a_log_are_in_the_order_in_which_they_were_written(tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    parts = [log, *(tmp_path / f"bus-{number}.log" for number in range(2, 12))]
+    for path in (*parts, tmp_path / "bus-old.log", tmp_path / "bus-2.asc"):
+        path.touch()
+    assert logs_beside(log) == parts

@@ -259,3 +259,24 @@ def test_a_drive_that_stores_nothing_is_told_of() -> None:
             save(node, Saving(object="", remark="with the tool only"))
         with pytest.raises(DeviceError, match="forgets at power off"):
             save(node, Saving(object="2F00:01"))
+
+
+def test_a_record_does_not_outlive_gains_that_could_not_be_written(
+    table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drive may have taken some of them, and runs with those from then on."""
+
+    def broken(*_: object) -> None:
+        assert void == ["void"]
+        raise DeviceError("the bus is gone")
+
+    void: list[str] = []
+    monkeypatch.setattr("gantryctl.drives.canopen.setup.gains.write_gains", broken)
+    monkeypatch.setattr("gantryctl.commissioning.void_control_proofs", lambda *_: void.append("void"))
+    config = tmp_path / "m.toml"
+    machine_file(
+        config, {**CHANGES, "can.virtual_drive": f"maxon EPOS4@{table}", "can.velocity_unit": "profile"}
+    )
+    told = cli("drive", "gains", "--kp-times", 2, "--yes", "--config", config)
+    assert told.code != 0
+    assert "the bus is gone" in told.err

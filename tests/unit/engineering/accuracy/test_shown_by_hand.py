@@ -28,6 +28,7 @@ from gantryctl.engineering.accuracy.gear import (
 from gantryctl.engineering.accuracy.isocentre import Isocentre, isocentre_data, isocentre_text
 from gantryctl.engineering.accuracy.report.page import render_speed_test
 from gantryctl.engineering.accuracy.report.report import SpeedRun
+from gantryctl.engineering.accuracy.report.text import speed_lines
 from gantryctl.engineering.accuracy.table import Direction, RowKey
 from gantryctl.machine import Requirement, config_hash, default_machine
 from gantryctl.units import SIGNED
@@ -122,6 +123,12 @@ def test_a_speed_test_says_which_of_its_two_criteria_failed() -> None:
     wild = replace(SPEED_RUN, motor_judged=True)
     assert [row[-1] for row in required_rows(wild)] == ["pass", "FAIL"]
     assert "ccw: motor side above the limit" in render_speed_test([wild], HEAD)
+
+
+def test_a_load_that_nothing_measures_has_no_error_rather_than_none() -> None:
+    bus = replace(SPEED_RUN, load_error_deg_s=None)
+    seen, unseen = (speed_lines([run]).splitlines()[2].split() for run in (SPEED_RUN, bus))
+    assert (seen[-2:], unseen[-2:]) == (["0.0180", "0.0200"], ["0.0180", "-"])
 
 
 ROW, BACK = RowKey(0.0, Direction.CCW), RowKey(-90.0, Direction.CW, 2)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
-from gantryctl.engineering.drafting import choice, open_items
+from gantryctl.engineering.drafting import choice, open_items, plant
 from gantryctl.engineering.drafting.draft import _accuracy
 from gantryctl.engineering.drafting.gains import DraftGains
 from gantryctl.engineering.drafting.gear_errors import graded_values
@@ -19,6 +19,7 @@ from gantryctl.engineering.drafting.plant import _encoder
 from gantryctl.engineering.drafting.sheets import Answered, _from, sheet_values
 from gantryctl.engineering.drafting.templates import load_template
 from gantryctl.machine import Machine, default_machine
+from gantryctl.machine.rules.reaction import REACTION_S
 
 
 def test_a_draft_dwells_for_twelve_swings_and_averages_the_last_four() -> None:
@@ -129,3 +130,27 @@ def test_what_gears_of_a_grade_keep_is_kept_by_ninety_five_of_a_hundred(
     monkeypatch.setattr(open_items, "errors_from_points", lambda *_: None)
     monkeypatch.setattr(open_items, "accuracy_a", lambda _: np.arange(1.0, 102.0) / 1000.0)
     assert open_items._kept_deg(chord_procedure("A"), np.zeros((1, 1))) == pytest.approx(0.096)
+
+
+def test_backlash_is_a_share_of_the_module_in_mm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """2 % of a module of 5 mm are 0.1 mm."""
+    monkeypatch.setattr(plant, "_followed_length_rad", lambda _: 0.0)
+    basis: Any = SimpleNamespace(
+        sheet=SimpleNamespace(
+            gears=SimpleNamespace(ring_ratio=10.0, torque_rated_nm=100.0),
+            teeth=SimpleNamespace(backlash_ratio=0.02),
+        ),
+        stiffness_nm_per_rad=1e6,
+        base_stiffness_nm_per_rad=1e7,
+        module_m=0.005,
+        follows=lambda value, *_: Drafted(value, Origin.COMPUTED),
+        of_sheet=lambda _: Drafted(0.0, Origin.SHEET),
+    )
+    assert plant._transmission(basis)["transmission.backlash_mm"].value == pytest.approx(0.1)
+
+
+def test_a_quick_stop_has_what_the_reaction_leaves_of_its_way() -> None:
+    """0.1 rad/s, 0.05 rad behind the reaction: 0.1^2 / (2 x 0.05) = 0.1 rad/s2."""
+    answers = SimpleNamespace(stopping_angle_deg=np.degrees(0.1 * REACTION_S + 0.05))
+    answered: Any = SimpleNamespace(speed_rad_s=0.1, answers=answers)
+    assert Answered.quick_dec_rad_s2.fget(answered) == pytest.approx(0.1)  # type: ignore[attr-defined]

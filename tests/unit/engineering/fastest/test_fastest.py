@@ -6,6 +6,8 @@ import math
 
 import pytest
 
+from gantryctl.engineering.comparison.key_figures import Move
+from gantryctl.engineering.fastest import search
 from gantryctl.engineering.fastest.search import Limits, bound_s, fastest_moves
 from gantryctl.engineering.fastest.text import fastest_notes
 from gantryctl.errors import UsageError
@@ -117,3 +119,18 @@ def test_a_base_that_does_not_move_is_told_to_bound_nothing() -> None:
     found = fastest_moves(stiff, MOVE_DEG, [Limits()], [1.0])
     _, bound, _ = fastest_notes(stiff, found)
     assert bound.startswith("No profile is faster than 15.00 s, which the way takes at the highest speed")
+
+
+def test_a_move_is_judged_by_the_worst_of_both_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up takes more torque, down swings more: neither way alone is what the axis does."""
+
+    def played(moves: list[Move]) -> list[tuple[float, ...]]:
+        return [
+            (float(move.from_deg < move.to_deg), float(move.from_deg > move.to_deg), 1.0) for move in moves
+        ]
+
+    monkeypatch.setattr(search, "moves_figures", played)
+    monkeypatch.setattr(search, "expected", lambda found: found)
+    monkeypatch.setattr(search, "MoveFigures", lambda *figures: figures)
+    for ends_deg in ((0.0, 90.0), (90.0, 0.0)):
+        assert search.own_move(default_machine(), ends_deg) == (1.0, 1.0, 1.0)

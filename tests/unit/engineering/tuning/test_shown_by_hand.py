@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,9 +14,10 @@ from gantryctl.engineering.analysis.measured.response import Condition
 from gantryctl.engineering.tuning import on_bus
 from gantryctl.engineering.tuning.bench import TrialMove
 from gantryctl.engineering.tuning.by_margins import Designed
-from gantryctl.engineering.tuning.gains import Gains
+from gantryctl.engineering.tuning.gains import Gains, configured, machine_with
 from gantryctl.engineering.tuning.on_bus import moves_text
 from gantryctl.engineering.tuning.text import move_rows, sentences
+from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.machine.places import one_flank_deg
 
@@ -84,3 +86,40 @@ def test_the_position_loop_is_measured_where_the_gears_of_this_axis_stay_on_one_
         on_bus.measured_drive(machine, run)
     assert asked == [75.0, one_flank_deg(SHORT)]
     assert SHORT.axis.pos_min_deg < asked[1] < SHORT.axis.pos_max_deg
+
+
+def test_the_dead_time_of_a_bus_is_no_lag_of_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What scan and speed loop of the model have of their own is not had once more in its current loop."""
+    machine = load_machine(configs_folder() / "hust_can.toml")
+    numbers = {"motor_inertia_kg_m2": 0.4, "inertia_kg_m2": 600_000.0}
+    calibration = SimpleNamespace(number=numbers.__getitem__)
+    monkeypatch.setattr(on_bus, "check_calibration", lambda *_: calibration)
+    cycle_s, latency_s = 1e-6 * machine.drive.speed_loop.cycle_us, 1e-6 * machine.plant.encoder.latency_us
+    own_s = 1.5 * cycle_s + latency_s
+    assert machine.control.scan_period_ms == 4.0
+    assert machine.drive.speed_loop.delay_cycles == 1
+    loop: Any = SimpleNamespace(kvp_nm_s_per_rad=50.0, tvi_s=0.02, dead_time_s=0.004 + own_s + 0.001)
+    found = on_bus.measured_machine(machine, loop, "")
+    # A lag of 1 ms is a bandwidth of 159 Hz.
+    assert found.drive.current_loop.bandwidth_hz == pytest.approx(159.155, rel=1e-4)
+    assert found.drive.speed_loop.tvi_ms == pytest.approx(20.0)
+
+
+def test_a_tuned_acceleration_is_that_of_both_ends_of_a_move() -> None:
+    machine = default_machine()
+    tuned = machine_with(machine, replace(configured(machine), acc_deg_s2=0.123))
+    assert (tuned.virtual_axis.acc_deg_s2, tuned.virtual_axis.dec_deg_s2) == (0.123, 0.123)
+    apart = with_values(machine, {"virtual_axis.dec_deg_s2": 0.2})
+    kept = machine_with(apart, configured(apart)).virtual_axis
+    assert (kept.acc_deg_s2, kept.dec_deg_s2) == (machine.virtual_axis.acc_deg_s2, 0.2)
+
+
+@pytest.mark.parametrize("kpp_per_s", [5.0, 20.0])
+def test_the_second_half_judges_the_proposed_kpp_and_no_other(kpp_per_s: float) -> None:
+    machine = with_values(default_machine(), {"control.kpp_per_s": kpp_per_s})
+    run: Any = SimpleNamespace(drive=SimpleNamespace(identity=lambda: SimpleNamespace(encoder_serial="e")))
+    session: Any = SimpleNamespace(
+        machine=machine.name, drive="e", proposal=replace(configured(machine), kpp_per_s=10.0)
+    )
+    with pytest.raises(UsageError, match=f"kpp_per_s = {kpp_per_s:g}, proposed are 10 /s"):
+        on_bus.end(machine, run, session)

@@ -192,10 +192,11 @@ def test_the_operator_stops_it_and_it_goes_on(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_an_instrument_that_was_moved_is_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize("by_deg", [0.01, -0.01])
+def test_an_instrument_that_was_moved_is_found(tmp_path: Path, by_deg: float) -> None:
     begun(tmp_path, 1)
     moved = Level()
-    moved.zero_deg += 0.01
+    moved.zero_deg += by_deg
     with (
         opened(MACHINE, tmp_path, moved) as test,
         pytest.raises(InstrumentError, match="the instrument has moved"),
