@@ -70,3 +70,24 @@ def test_a_controller_that_has_gone_holds_nothing(desk: Desk, monkeypatch: pytes
     desk.watch = gone
     assert desk.run(made, lambda: None) == 0
     assert desk.said == []
+
+
+def test_a_request_of_an_earlier_time_is_not_the_first_of_this_one(desk: Desk) -> None:
+    """The load was secured, service has reset, and the brake slips again."""
+    made: Any = desk.made()
+    phase = ["torque_hold"]
+    made.hub.status = lambda: {"tags": {"power_phase": phase[0]}}
+    said: list[int] = []
+
+    async def again() -> None:
+        for now in ("torque_hold", "torque_hold", "on", "torque_hold"):
+            phase[0] = now
+            made._look_at_load()
+            if now != "on" and len(said) != 1:
+                desk.handlers[signal.SIGINT]()
+            said.append(len(desk.said))
+        desk.handlers[signal.SIGINT]()
+
+    desk.watch = again
+    assert desk.run(made, lambda: None) == 0
+    assert said == [1, 1, 1, 2]

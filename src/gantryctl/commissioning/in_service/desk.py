@@ -37,6 +37,7 @@ from gantryctl.service.memory.snapshot import publish_fast, publish_json
 from gantryctl.service.protocol.limits import SILENCE_S, WATCHED_S, key_limits
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import ARMABLE, Action
+from gantryctl.service.protocol.second_request import SecondRequest
 from gantryctl.service.protocol.tags import CommissioningPhase
 
 # Between two looks into the rings; the tags go out with every second one.
@@ -91,7 +92,7 @@ class Desk:
         self._shown: object = None
         self._looks = 0
         self._ending_s, self._held = math.inf, False
-        self._asked_by: set[str] = set()
+        self._second = SecondRequest()
         self._ended = threading.Event()
 
     # --- the step's side, another thread ----------------------------------------------------------
@@ -189,7 +190,7 @@ class Desk:
         if self._held and not held:
             text = f"step {self.step}: torque alone holds the load; two requests to stop let it go"
             self.events.put("alarm", text, self.authority.holder)
-            self._asked_by.clear()
+            self._second.forget()
         if self.phase is CommissioningPhase.ENDING:
             self._ending_s = min(self._ending_s, now_s)
             if self._held and now_s - self._ending_s >= _HELD_S:
@@ -215,11 +216,9 @@ class Desk:
 
     def _ask_with_load(self, together: Sequence[PendingCommand], urgency: Stop, why: str) -> None:
         """Count the presses of people while torque alone holds the load: a page that falls silent lets no load go."""
-        # The second request is to be meant as such: two people who press once each have not asked twice.
         for user in {each.who.user for each in together}:
-            if not self._asked_by or user in self._asked_by:
+            if self._second.asked(user):
                 self.halt.ask(urgency, why)
-            self._asked_by.add(user)
 
     # --- commands ---------------------------------------------------------------------------------
 

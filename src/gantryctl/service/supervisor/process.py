@@ -20,6 +20,7 @@ from gantryctl.service.clients.console_link import LinkGiver
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.protocol.second_request import SECOND, SecondRequest
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import CertificateWatch
 from gantryctl.service.supervisor.child import Child, Relief, notify
@@ -124,7 +125,7 @@ class Supervisor:
             self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle, self._here])
         self._directory, self._say, self._options = directory, say, options
         self.hub = Hub(self.memory, Source.LOCAL)
-        self._put_off = False
+        self._second = SecondRequest()
 
     async def run(self, ready: Callable[[], None]) -> int:
         """Run until a signal, or until the controller cannot be kept running; return the exit code.
@@ -168,16 +169,23 @@ class Supervisor:
 
         The system's own (SIGTERM) is not: behind it come a kill, and an end that leaves no words.
         """
-        # Of a controller that is alive: one that has gone holds nothing, whatever it told last.
-        held = self.hub.fresh and self.hub.status()["tags"].get("power_phase") == "torque_hold"
-        if held and number is not signal.SIGTERM and not self._put_off:
-            self._put_off = True
+        if self._holds_load and number is not signal.SIGTERM and self._second.asked() < SECOND:
             self._tell(
                 "the service goes on: torque alone holds the load. Secure it; asked once more the service ends, and "
                 "within 20 s nothing holds the load"
             )
             return
         ended.set()
+
+    @property
+    def _holds_load(self) -> bool:
+        """Torque alone holds the load, by a controller that is alive: one that has gone holds nothing."""
+        return self.hub.fresh and bool(self.hub.status()["tags"].get("power_phase") == "torque_hold")
+
+    def _look_at_load(self) -> None:
+        """Forget what was asked while torque alone held the load: the next time is another one."""
+        if not self._holds_load:
+            self._second.forget()
 
     def _children(self) -> list[Child]:
         made = (self.recorder, self.controller, self.gateway, self.opcua)
@@ -197,6 +205,7 @@ class Supervisor:
                 for child in self._children():
                     child.end_hung(self._tell, time.monotonic_ns())
             before_s = now_s
+            self._look_at_load()
             for text in users.changes():
                 self.hub.events.put("user", text, None, file_ns=users.file_ns)
             if now_s - certificates_s >= _CERTIFICATES_S:
