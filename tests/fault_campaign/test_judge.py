@@ -35,6 +35,7 @@ from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.power.slip_watch import SlipWatch
+from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import rad
 from gantryctl.wiring import simulator
@@ -152,6 +153,28 @@ def _drive_on_bus_with_a_softer_ramp(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(DrivePlant, "set_ramp", lambda self, dec_rad_s2: true(self, 0.8 * dec_rad_s2))
 
 
+def _brake_on_bus_late(patch: pytest.MonkeyPatch) -> None:
+    true = DrivePlant._make
+
+    def make(self: DrivePlant) -> object:
+        known, self._drive = self._drive, self._drive.copy()
+        self._drive.brake_close_s *= 2.0
+        made, self._drive = true(self), known
+        return made
+
+    patch.setattr(DrivePlant, "_make", make)
+
+
+def _reads_three_times_as_old(patch: pytest.MonkeyPatch) -> None:
+    true = Feedback.__init__
+
+    def init(self: Feedback, settings: AxisSettings, alarms: AlarmLog) -> None:
+        true(self, settings, alarms)
+        self._old_scans *= 3
+
+    patch.setattr(Feedback, "__init__", init)
+
+
 @pytest.mark.parametrize(
     ("number", "drive", "until_s", "plant", "invariant"),
     [
@@ -181,6 +204,26 @@ def _drive_on_bus_with_a_softer_ramp(patch: pytest.MonkeyPatch) -> None:
             lambda patch: _without_words(patch, *(code for code in Code if code.startswith("BRK-"))),
             "INV-2",
             id="load not caught",
+            marks=pytest.mark.slow,
+        ),
+        # Late telegrams are a quick stop, from when they are seen to be late.
+        pytest.param(
+            8034, "bus", 21.9, _reads_three_times_as_old, "INV-1", id="old readings", marks=pytest.mark.slow
+        ),
+        # The heartbeat has its own time; the brake has no more.
+        pytest.param(7001, "bus", 11.3, _brake_on_bus_late, "INV-1", id="late brake", marks=pytest.mark.slow),
+        # Without torque the motor goes with the load until the brake has closed, and not twice as long.
+        pytest.param(
+            7055, "bus", 5.8, _brake_on_bus_late, "INV-1", id="late brake 60FE", marks=pytest.mark.slow
+        ),
+        # The way of a soft loop behind its ramp is known; a softer ramp is none.
+        pytest.param(
+            7149,
+            "bus",
+            5.6,
+            _drive_on_bus_with_a_softer_ramp,
+            "INV-1",
+            id="soft ramp",
             marks=pytest.mark.slow,
         ),
         # A drive that is stopped on the bus goes as far as its own ramp leads, which is that of the machine.

@@ -15,6 +15,7 @@ from gantryctl.engineering.faults.oracle.limits import bounds_of
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.faults.run import FaultRun, conditions_of, fault_machine, run_fault
+from gantryctl.engineering.stops.run import StopClass, unbraked_stop_deg, worst_stop
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program.alarms.codes import Code
@@ -89,6 +90,29 @@ def test_a_drive_off_the_bus_has_the_way_of_torque_off_where_a_watchdog_relay_ta
     deadline = ReactionClass.DRIVE_DEADLINE
     assert limit_deg(alone, deadline, speed) == pytest.approx(ramp_deg, rel=0.1)
     assert limit_deg(relay, deadline, speed) == pytest.approx(off_deg, rel=1e-12)
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_a_heartbeat_is_missed_by_its_own_time_and_meanwhile_the_axis_goes_on(speed: float) -> None:
+    """E9b: 0.1 s more of it are 0.1 s of speed, and 2 %."""
+    machine = with_values(
+        axis_of("draft of gantry"), {"drive.kind": "canopen", "control.scan_period_ms": 4.0}
+    )
+    late = with_values(machine, {"can.heartbeat_timeout_ms": machine.can.heartbeat_timeout_ms + 100.0})
+    usual, later = (computed_deg(each, OFF, speed, SeenBy.HEARTBEAT) for each in (machine, late))
+    assert later - usual == pytest.approx(0.102 * speed, rel=1e-9)
+    # 60 ms of any other stop, 150 of the heartbeat and two scans; without torque the load sinks a little in those 60.
+    assert usual - computed_deg(machine, OFF, speed) == pytest.approx(0.098 * speed, abs=0.03)
+
+
+def test_a_drive_that_misses_commands_lets_go_before_a_brake_that_is_not_its_own_has_closed() -> None:
+    """E10: what the simulated motor goes with the load, and at most as far again: its swing has any phase."""
+    by_drive = fault_machine(None, "bus", 1.0, 4.0, "drive")
+    by_60fe = with_values(by_drive, {"brake.owner": "object_60FE"})
+    for speed in (0.6, 1.0, 6.0):
+        ramp, free = (limit_deg(each, ReactionClass.DRIVE_DEADLINE, speed) for each in (by_drive, by_60fe))
+        goes = unbraked_stop_deg(by_60fe, speed) - worst_stop(by_60fe, StopClass.QUICK, speed).angle_deg
+        assert goes <= free - ramp <= goes + 0.12
 
 
 LATE_WEAK_BRAKE = {"control.scan_period_ms": 10.0, "brake.close_time_ms": 200.0, "brake.torque_nm": 380.0}

@@ -27,7 +27,7 @@ from gantryctl.errors import AlarmStop
 from gantryctl.machine import Machine
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.places import reach_deg
-from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
+from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg, unbraked_way_deg
 from gantryctl.operation.client import Snapshot
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, SILENT_STOP_S
 from gantryctl.operation.run import AxisRun
@@ -43,8 +43,6 @@ _LEASH_SPARE_DEG: Final = 0.3
 # A key is held for so long, or for so far.
 _JOG_S: Final = 3.0
 _JOG_WAY_DEG: Final = 8.0
-# The load swings on by up to so much after a stop (power/sequence.py).
-_SWING_DEG_S: Final = 0.53
 # Of the deceleration that was set: ripple of the ramp as the virtual drive shows it, 3 % at 1 deg/s.
 _HARDER: Final = 1.15
 _TOO_LONG: Final = "605A, 6085, torque limit, [virtual_axis] quick_dec_deg_s2; nothing faster before"
@@ -215,7 +213,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
         if own:
             # The way that acts first counts.
             delay_s = min(way.limit_s(axis.drive) for way in own)
-            computed = computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
+            computed = computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c, speed, dec)
         else:
             # A watchdog beside the drive takes the torque off, and there is no ramp.
             delay_s = _watchdog_s(c)
@@ -242,9 +240,9 @@ def _watchdog_s(c: Context) -> float:
     return shown.number(SILENT_STOP_S)
 
 
-def _unbraked_way_deg(c: Context) -> float:
+def _unbraked_way_deg(c: Context, speed: float, dec: float) -> float:
     """A brake that nobody works any more closes after the torque has gone: the motor goes with the load."""
-    return 0.0 if c.machine.brake.owner == "drive" else _SWING_DEG_S * c.machine.brake.close_time_ms * 1e-3
+    return 0.0 if c.machine.brake.owner == "drive" else unbraked_way_deg(c.machine, speed, dec)
 
 
 def _jog_release(c: Context, speed: float) -> float:

@@ -334,7 +334,7 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
     monkeypatch.setattr(steps_motion, "_at_speed", at_speed)
     monkeypatch.setattr(steps_motion, "watched_ways", lambda axis: ways)
     monkeypatch.setattr(steps_motion, "computed_way_deg", computed)
-    monkeypatch.setattr(steps_motion, "_unbraked_way_deg", lambda c: 0.0)
+    monkeypatch.setattr(steps_motion, "_unbraked_way_deg", lambda *_: 0.0)
     seen = silence.SilentDrive(state=state, brake_open=False, way_deg=0.08)
     monkeypatch.setattr(steps_motion, "fall_silent", fall)
     if stopped:

@@ -407,7 +407,7 @@ def test_a_warning_that_ends_a_motion_is_told_anew_with_what_ended_it_and_keeps_
     assert log.active[Code.BRK_02] is ended
     assert (warned.reaction, ended.reaction, ended.time_s) == (Reaction.W, Reaction.HLT, 60.0)
     assert "16 % of rated" in warned.text
-    assert "needs 79.7 N m more than before, 31 % of rated · Stopping on the jog-release ramp" in ended.text
+    assert "needs 79.7 N m more than expected, 31 % of rated · Stopping on the jog-release ramp" in ended.text
     assert log.blocking() is ended
     assert log.blocking(but=Code.BRK_02) is None
     assert log.first_out is None

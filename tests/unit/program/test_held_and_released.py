@@ -233,6 +233,23 @@ def test_a_speed_that_grows_against_the_torque_while_the_brake_closes_is_of_the_
     assert rig.axis.power.phase is P.TORQUE_OFF
 
 
+@BOTH
+def test_a_speed_that_grows_against_the_torque_as_the_brake_opens_is_of_the_wrong_sign(way):
+    """The contact goes on saying closed, so the axis stays in the phase: 0.588 deg on the plant (random 102094)."""
+    rig = Rig(config=settings(**HOLDS))
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.RELEASING, 5.0)
+    speeds = iter(range(100))
+    rig.spoil = lambda drive: drive._replace(
+        torque_act_nm=-way * 330.0,
+        vel_act_rad_s=way * rad(0.1 + 0.05 * next(speeds)) * RATIO,
+        brake_open=False,
+    )
+    rig.run(0.006)
+    assert rig.codes == ["ENC-12"]
+    assert rig.axis.power.phase is P.TORQUE_OFF
+
+
 def test_a_brake_closes_for_the_end_of_a_ramp_that_nobody_sees():
     """No speed any more: 6 deg/s at 5.5 deg/s2 are 1.09 s; the brake takes 150 ms, and then the torque goes."""
     rig = moving_rig()

@@ -79,6 +79,16 @@ def test_a_brake_that_drags_for_a_second_warns_and_twice_as_much_halts(
 
 
 @BOTH
+@pytest.mark.parametrize(("excess_nm", "told"), [(78.0, False), (85.0, True)])
+def test_friction_above_the_brake_test_is_no_drag_of_a_motion_that_nobody_has_learned(way, excess_nm, told):
+    """110 N m of friction and load: 148 N m are within 15 % of 257 above them, 155 are not."""
+    parts = Parts(motion_torque_nm=110.0)
+    watch, scan = drags(parts, way, excess_nm)
+    watch.model.add = lambda *_: None
+    assert (parts.after(scan, most_s=4.0) < math.inf) is told
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(("swing_s", "rows"), [(0.5, 5), (1.25, 12)])
 def test_half_of_the_brake_in_the_mean_is_a_closed_brake_that_the_motor_turns(period_s, way, swing_s, rows):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from gantryctl.engineering.drafting.origin import Drafted, Origin
+from gantryctl.engineering.drafting.origin import Drafted, Origin, significant
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm
 from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
@@ -121,6 +121,20 @@ class Basis:
         load = self.sheet.load
         viscous = load.friction_viscous_nm_s_per_rad * rad(self.speed_deg_s)
         return load.eccentric_check_moment_nm + load.friction_coulomb_nm + viscous
+
+    @property
+    def test_torque_nm(self) -> float:
+        """Torque that the closed brake must bear in its test."""
+        check_nm = self.sheet.load.eccentric_check_moment_nm / self.ratio
+        least_nm = 0.2 * min(self.motor.brake.torque_nm, self.motor.motor.torque_rated_nm)
+        return significant(max(1.5 * check_nm, least_nm), 3)
+
+    @property
+    def running_torque_nm(self) -> float:
+        """Largest torque of the motor in a steady motion: that moment, and the friction of motor and gear."""
+        gears, at_motor_nm = self.sheet.gears, self.largest_moment_nm / self.ratio
+        viscous_nm = gears.friction_viscous_nm_s_per_rad * rad(self.speed_deg_s) * self.ratio
+        return (1.0 + gears.load_loss_ratio) * at_motor_nm + gears.friction_coulomb_nm + viscous_nm
 
     @property
     def windup_deg(self) -> float:

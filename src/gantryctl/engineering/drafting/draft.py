@@ -130,8 +130,7 @@ def _required(basis: Basis) -> Values:
 
 def _parts(basis: Basis) -> Values:
     """Motor, encoder and brake of the catalogue, reducer of the sheet."""
-    motor, load = basis.motor, basis.sheet.load
-    check_nm = load.eccentric_check_moment_nm / basis.ratio
+    motor = basis.motor
     rated, brake = motor.motor.torque_rated_nm, motor.brake.torque_nm
     return {
         **{f"motor.{key}": basis.catalogue(value) for key, value in motor.motor},
@@ -147,7 +146,7 @@ def _parts(basis: Basis) -> Values:
             significant(min(0.1 * rated, 0.5 * brake), 3), "a tenth of rated torque"
         ),
         "brake.test_torque_nm": computed(
-            significant(max(1.5 * check_nm, 0.2 * min(brake, rated)), 3),
+            basis.test_torque_nm,
             "1.5 x the moment of the check, or a fifth of the brake",
         ),
     }

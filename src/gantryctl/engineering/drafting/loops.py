@@ -178,7 +178,19 @@ def _monitors(basis: Basis, gains: DraftGains) -> Values:
         return computed(value, f"{usual_ms:g} ms, or 0.8 x stopping angle / highest setting")
 
     mass = basis.motor.identity.mass_kg
+    running_nm = min(significant(basis.running_torque_nm, 3), basis.motor.motor.torque_rated_nm)
+    # Where friction is above everything; else the torque of the brake test is more.
+    running: Values = (
+        {}
+        if running_nm <= basis.test_torque_nm
+        else {
+            "monitors.running_torque_nm": computed(
+                running_nm, "moment of the check, and friction at the highest setting"
+            )
+        }
+    )
     return {
+        **running,
         "monitors.following_error_base_deg": computed(
             window(_BAND), "0.3 x required angle, or 3 x what friction and jerk make"
         ),

@@ -56,6 +56,7 @@ class SeenBy(Enum):
     BRAKE_CONTACT = "contact of the brake"
     WINDING = "temperature of the winding"
     RAMP = "speed above the ramp of the quick stop"
+    HEARTBEAT = "heartbeat of the drive"
     DRAG = "torque of a motion against that of earlier ones"
 
 

@@ -47,6 +47,8 @@ _RAMP_UP_S: Final = 5.0
 _CRUISE_S: Final = 1.0
 _OFF: Final = 0
 _QUICK_STOP: Final = 2
+# A drive that stands so long has ended its ramp.
+_STANDS_S: Final = 0.010
 # How long after rest the load and the base are watched.
 _WATCH_S: Final = 2.0
 _BRAKE_WATCH_S: Final = 7.0
@@ -70,7 +72,8 @@ class StopResult(NamedTuple):
     """One stop, from the command to rest; angles and speeds at the gantry.
 
     Attributes:
-        angle_deg, time_s: until the motor stands (`at_rest_deg_s`); load_angle_deg: farthest way of the load.
+        angle_deg, time_s: until the motor stands (`at_rest_deg_s`), its farthest way: a load that swings may turn it
+            back a little before. load_angle_deg: farthest way of the load.
         torque_motor_nm, torque_reducer_nm: largest, motor shaft and reducer output.
         base_um: largest base motion at the ring after the static part, peak to peak.
         brake_energy_kj: turned to heat by the brake's lining. motor_energy_kj: taken out of the motion by the motor.
@@ -176,6 +179,30 @@ def worst_stops(cases: Sequence[StopCase]) -> list[StopResult | Exception]:
     ]
 
 
+def unbraked_stop_deg(machine: Machine, speed_deg_s: float) -> float:
+    """Way of a quick stop whose drive takes its torque off at the end of its ramp, before the brake has closed.
+
+    A silent controller works no brake any more, and a drive without one of its own waits for none: the motor goes with
+    the load, and turns back what the gear is twisted by. Worst of four.
+    """
+    ramp_s = speed_deg_s / machine.virtual_axis.quick_dec_deg_s2 + _STANDS_S
+    legs = [
+        Leg(hold(0.0), ramp_s, mode=_QUICK_STOP),
+        Leg(hold(0.0), _BRAKE_WATCH_S, mode=_OFF, brake_open=False),
+    ]
+    cases = [
+        (StopCase(machine, StopClass.QUICK, sign * speed_deg_s), at)
+        for at in heaviest_deg(machine)
+        for sign in (1.0, -1.0)
+    ]
+    logs = expected(in_lockstep([partial(_log_legs, case, at, legs) for case, at in cases]))
+    return max(_motor_way(case, log)[0] for (case, _), log in zip(cases, logs, strict=True))
+
+
+def _log_legs(case: StopCase, at_deg: float, legs: Sequence[Leg], run: Runner) -> Log:
+    return run(_cruising(case, at_deg, run), legs, _COLUMNS)
+
+
 def worst_of(stop_class: StopClass, speed_deg_s: float, stops: Sequence[StopResult]) -> StopResult:
     """Each figure the worst of several stops."""
     worst = {name: max(getattr(stop, name) for stop in stops) for name in StopResult._fields[2:]}
@@ -247,10 +274,8 @@ def _evaluate(case: StopCase, log: Log) -> StopResult:
                 "loops are too stiff to be simulated; go back towards the defaults"
             ]
         )
-    ratio = machine.axis.ratio
-    motor, vel_motor, load = log["pos_motor_rad"], np.abs(log["vel_motor_rad_s"]), log["pos_load_rad"]
-    moving = np.nonzero(vel_motor / ratio > rad(at_rest_deg_s(machine)))[0]
-    rest = min(int(moving[-1]) + 1, len(motor) - 1) if len(moving) else 0
+    vel_motor, load = np.abs(log["vel_motor_rad_s"]), log["pos_load_rad"]
+    angle_deg, rest = _motor_way(case, log)
     moment = _check_moment_nm(machine) * machine.plant.switches.eccentric_moment
     rocking = base_motion_rad(machine, log["pos_base_rad"], load, moment)
     shake = rocking * machine.plant.gear_error.ring_radius_m * 1e6
@@ -266,7 +291,7 @@ def _evaluate(case: StopCase, log: Log) -> StopResult:
     return StopResult(
         stop_class,
         speed_deg_s,
-        angle_deg=deg(abs(float(motor[rest] - motor[0]))) / ratio,
+        angle_deg=angle_deg,
         time_s=rest * log.period_s,
         load_angle_deg=deg(float(np.max(np.abs(load - load[0])))),
         torque_motor_nm=larger_share_nm(machine, float(np.max(np.abs(log["torque_act_nm"])))),
@@ -279,6 +304,15 @@ def _evaluate(case: StopCase, log: Log) -> StopResult:
         settled_s=rest * log.period_s
         + settling_s(log["vel_load_rad_s"][rest:], log.period_s, rad(_AT_REST_DEG_S)),
     )
+
+
+def _motor_way(case: StopCase, log: Log) -> tuple[float, int]:
+    """Farthest way of the motor until it stands, deg at the gantry, and the row from which on it does."""
+    ratio, motor = case.machine.axis.ratio, log["pos_motor_rad"]
+    fast = np.abs(log["vel_motor_rad_s"]) / ratio > rad(at_rest_deg_s(case.machine))
+    moving = np.nonzero(fast)[0]
+    rest = min(int(moving[-1]) + 1, len(motor) - 1) if len(moving) else 0
+    return deg(float(np.max(np.abs(motor[: rest + 1] - motor[0])))) / ratio, rest
 
 
 class StopRow(NamedTuple):

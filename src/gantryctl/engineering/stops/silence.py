@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from gantryctl.engineering.stops.run import StopClass, StopRow
+from gantryctl.engineering.stops.run import StopClass, StopRow, unbraked_stop_deg
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import permitted_speed_deg_s, silent_speed_max_deg_s
 
@@ -15,7 +15,8 @@ class WatchRow(NamedTuple):
 
     Attributes:
         watch: object of the drive; delay_ms: until it acts.
-        angle_deg: way from the last telegram to rest from `speed_deg_s`, on the full plant.
+        angle_deg: way from the last telegram to rest from `speed_deg_s`, on the full plant, and until the brake has
+            closed that is not the drive's own.
         speed_max_deg_s: highest speed within the permitted angle with this watch alone (rigid body, to the tenth
             below, of a slow axis to two digits); None where every setting is.
     """
@@ -32,18 +33,29 @@ def watch_rows(machine: Machine, stops: Iterable[StopRow]) -> tuple[WatchRow, ..
     if not machine.on_bus:
         return ()
     watches = {"1400:05": machine.can.rpdo_deadline_ms, "1016": machine.can.lone_heartbeat_ms}
-    quick = [row.stop for row in stops if row.stop.stop_class is StopClass.QUICK]
+    quick = [
+        (row.stop.speed_deg_s, _stop_deg(machine, row))
+        for row in stops
+        if row.stop.stop_class is StopClass.QUICK
+    ]
     return tuple(
         WatchRow(
             watch,
             delay_ms,
-            stop.speed_deg_s,
-            stop.angle_deg + stop.speed_deg_s * delay_ms * 1e-3,
+            speed,
+            angle + speed * delay_ms * 1e-3,
             _ceiling_deg_s(machine, delay_ms),
         )
         for watch, delay_ms in watches.items()
-        for stop in quick
+        for speed, angle in quick
     )
+
+
+def _stop_deg(machine: Machine, row: StopRow) -> float:
+    if machine.brake.owner == "drive":
+        return row.stop.angle_deg
+    # The motor may come back a little behind its brake, never by what its ramp has taken.
+    return max(row.stop.angle_deg, unbraked_stop_deg(machine, row.stop.speed_deg_s))
 
 
 def _ceiling_deg_s(machine: Machine, delay_ms: float) -> float | None:

@@ -199,6 +199,17 @@ def brake_test_does_not_slip(m: Machine) -> Broken:
     return below(m.brake.test_torque_nm, m.brake.torque_nm, "or a sound brake slips")
 
 
+@rule("monitors.running_torque_nm", "motor.torque_rated_nm")
+def motion_within_rating(m: Machine) -> Broken:
+    """A steady motion needs no more than the motor gives continuously."""
+    return at_most(m.monitors.running_torque_nm, m.motor.torque_rated_nm, "the motor's rated torque")
+
+
+def motion_torque_nm(m: Machine) -> float:
+    """Torque of the motor that a steady motion may need, N m: what the brake is tested with, or more by friction."""
+    return max(m.brake.test_torque_nm, m.monitors.running_torque_nm)
+
+
 @rule("brake.hold_brake_after_s", "monitors.in_position_dwell_ms", "brake.hold")
 def brake_waits_for_arrival(m: Machine) -> Broken:
     """With hold = "brake" the brake closes after the axis counts as arrived, not before."""

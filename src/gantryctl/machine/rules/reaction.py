@@ -203,6 +203,18 @@ def silent_way_deg(
     return square * speed_deg_s**2 + linear * abs(speed_deg_s) + constant
 
 
+def unbraked_way_deg(m: Machine, speed_deg_s: float, dec_deg_s2: float) -> float:
+    """Way of the motor behind a ramp whose torque goes off before its brake has closed, at most.
+
+    A load of frequency w swings behind a ramp of the deceleration a with up to u = 2 a / w, behind one of speed v that
+    is over sooner with u sin(w v / 2 a). The motor goes with it for the closing time t, and is thrown to the other side
+    of the twist u / w of its gear: u t and 2 u / w, a quarter of a swing apart.
+    """
+    rate = 2.0 * math.pi * m.control.compensation.first_mode_hz
+    part = math.sin(min(0.5 * math.pi, 0.5 * rate * abs(speed_deg_s) / dec_deg_s2))
+    return 2.0 * dec_deg_s2 / rate * part * math.hypot(m.brake.close_time_ms / 1000.0, 2.0 / rate)
+
+
 def silent_speed_max_deg_s(
     m: Machine, delay_ms: float, *, brake: bool = False, dec_deg_s2: float = 0.0
 ) -> float:

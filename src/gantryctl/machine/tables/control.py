@@ -51,6 +51,16 @@ class MonitorsTable(Table):
         300.0, 1.0, 10000.0, "Time the brake's feedback may differ from its command."
     )
     power_up_time_ms: float = number(2000.0, 10.0, 60000.0, "Longest power-up, then alarm.")
+    # Before that nothing but the load counts as needed: a yaw drive whose friction alone is a third of its rated torque
+    # was told of a brake that drags in its first motions (BRK-02).
+    running_torque_nm: float = number(
+        0.0,
+        0.0,
+        1e6,
+        "Torque of the motor that a motion may need until the axis has learned it, friction and load; less than that "
+        "of the brake test counts as that.",
+        "derived",
+    )
     # From the issue of the status frame that the renewal acknowledges, not from its arrival: a delayed renewal renews
     # less.
     lease_ms: float = number(

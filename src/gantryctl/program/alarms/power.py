@@ -36,11 +36,11 @@ POWER: Final = (
     Definition(
         Code.BRK_02, _WARN, Reaction.W,
         Text("Brake drags",
-             "The motion needs {measured:.3g} N m more than before, {share:.0f} % of rated",
+             "The motion needs {measured:.3g} N m more than expected, {share:.0f} % of rated",
              "The brake does not open fully, or friction has grown.",
              "Check the brake's supply and air gap. Above 30 % the motion is stopped, above half of the brake's torque "
              "power goes off; a reset by service makes the axis learn anew what it needs."),
-        Text("制动器拖滞", "运动所需转矩比以前多 {measured} N m，为额定值的 {share} %",
+        Text("制动器拖滞", "运动所需转矩比预期多 {measured} N m，为额定值的 {share} %",
              "制动器未完全松开，或摩擦增大。",
              "检查制动器的供电和气隙。超过 30 % 时运动被停止，超过制动器转矩的一半时切断转矩；"
              "维修人员复位后轴重新学习所需转矩。"),

@@ -43,8 +43,9 @@ _TORQUE_HOLD: Final = PowerPhase.TORQUE_HOLD
 # speed. A drive that ramps turns the shaft against its torque, and HOLD has a watch of its own.
 _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
 _STOPPING: Final = (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING)
+# A contact that goes on saying closed keeps the axis in RELEASING with its brake open (random seed 102094).
 # A drive that owns its brake holds the load on its own ramp in DISABLING, until its brake has closed.
-_HELD: Final = (*_TRIED, PowerPhase.CLOSING, PowerPhase.UNLOADING, PowerPhase.DISABLING)
+_HELD: Final = (*_TRIED, PowerPhase.RELEASING, PowerPhase.CLOSING, PowerPhase.UNLOADING, PowerPhase.DISABLING)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 
 

@@ -28,8 +28,9 @@ _GRIPS_PERIODS: Final = 0.5
 class DragWatch:
     """Learns what a motion needs and judges what it needs beyond that, in the direction of motion.
 
-    Until it has learned, all that any load may need counts as load: the torque the brake is tested with, and what an
-    acceleration needs of the largest inertia with which the quick stop is possible, J <= T_max / (i a_quick).
+    Until it has learned, all that any motion may need counts as load: the torque the brake is tested with, or where
+    friction is above that what the machine file gives; and what an acceleration needs of the largest inertia with which
+    the quick stop is possible, J <= T_max / (i a_quick).
 
     Attributes:
         model: what has been learned; its weights are retained memory.
@@ -60,7 +61,7 @@ class DragWatch:
         self._warning_nm, self._halt_nm = _WARNING_SHARE * self._rated_nm, _HALT_SHARE * self._rated_nm
         self._grip_nm = _GRIPS_SHARE * power.brake_torque_nm
         self._grips = round(_GRIPS_PERIODS * settings.monitors.swing_s / sample_s)
-        self._load_nm = power.test_torque_nm
+        self._load_nm = power.motion_torque_nm
         self._per_acc = power.torque_max_nm / settings.ramps.quick_dec_rad_s2
         self.model = TorqueModel(settings.law.ratio, power.torque_rated_nm)
         self.begin()

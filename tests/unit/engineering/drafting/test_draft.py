@@ -15,6 +15,7 @@ from gantryctl.engineering.drafting.origin import Origin
 from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
 from gantryctl.engineering.drafting.templates import load_template, template_names
 from gantryctl.engineering.drafting.writing import guess_lines, machine_text
+from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.sizing.checks import fit
 from gantryctl.engineering.sizing.loading import default_sheet_path, load_sheet
 from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
@@ -29,6 +30,7 @@ from gantryctl.machine import (
     origins,
     parse_machine,
 )
+from gantryctl.units import rad
 from gantryctl.wiring.simulator import plant_params
 
 TEMPLATES = template_names()
@@ -99,6 +101,17 @@ def test_gains_are_stable_with_margins_on_plants_around_the_machine(made, templa
     assert min(stiffness) < plant_params(machine).stiffness_1_nm_per_rad < max(stiffness)
     assert margins.stable
     assert margins.worst_phase.phase_margin_deg > 30.0
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_what_a_motion_may_need_is_in_the_file_where_friction_is_above_the_brake_test(made, template):
+    """Of the plant at its highest speed; a yaw drive alone has so much friction (`wiring.program`, BRK-02)."""
+    machine = made(template).machine()
+    needs = machine.plant.load.eccentric_check_moment_nm / machine.axis.ratio
+    needs += friction_nm(machine, rad(machine.speed.setting_max_deg_s) * machine.axis.ratio)
+    given = max(machine.brake.test_torque_nm, machine.monitors.running_torque_nm)
+    assert given >= 0.99 * needs
+    assert (machine.monitors.running_torque_nm > 0.0) is (template == "wind_turbine_yaw")
 
 
 @pytest.mark.parametrize("template", TEMPLATES)

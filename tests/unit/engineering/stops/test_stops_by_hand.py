@@ -11,7 +11,7 @@ from gantryctl.engineering.batch import Log
 from gantryctl.engineering.stops import limits
 from gantryctl.engineering.stops.certify import Certificate, QuickStops, certified_on
 from gantryctl.engineering.stops.page import quick_within
-from gantryctl.engineering.stops.run import StopCase, StopClass, StopResult, StopRow, _evaluate
+from gantryctl.engineering.stops.run import StopCase, StopClass, StopResult, StopRow, _evaluate, stop_table
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.text import certificate_lines, key_lines, stops_text, watch_lines
 from gantryctl.engineering.stops.uncertain import Factors, UncertainPlant
@@ -97,6 +97,36 @@ def test_a_load_that_swings_out_and_a_base_that_leans() -> None:
     assert found.load_angle_deg == pytest.approx(2.0)
     # 43 urad of lean at 2.366 m are 100 um; with the moment of the file instead some um would be left.
     assert found.base_um == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_angle_of_a_stop_is_the_farthest_of_the_motor_while_it_turns() -> None:
+    """A load that swings turns it back by 0.1 deg before it stands; behind its rest nothing counts."""
+    machine = default_machine()
+    angle = np.radians([0.0, 0.4, 0.6, 0.5, 0.5, 0.9]) * machine.axis.ratio
+    speed = np.radians([6.0, 3.0, -1.0, -0.1, 0.0, 0.0]) * machine.axis.ratio
+    columns = {
+        "pos_motor_rad": angle, "vel_motor_rad_s": speed, "pos_load_rad": angle / machine.axis.ratio,
+        **{name: np.zeros(6) for name in
+           ("vel_load_rad_s", "pos_base_rad", "torque_act_nm", "torque_mesh_nm", "torque_limited")},
+    }  # fmt: skip
+    log = Log(np.stack(list(columns.values())), 0.1, tuple(columns))
+    found = _evaluate(StopCase(machine, StopClass.QUICK, 6.0), log)
+    assert found.angle_deg == pytest.approx(0.6)
+    assert found.time_s == pytest.approx(0.4)
+
+
+def test_a_silent_controller_lets_the_motor_go_until_a_brake_that_is_not_the_drives_has_closed() -> None:
+    """Behind a ramp from 0.6 deg/s the load of 2 Hz swings with 0.48 deg/s, and its gear is twisted by 0.038 deg.
+
+    In 150 ms the motor goes with the load, at half of its speed at least, and at most with all of it and to the other
+    side of that twist: 0.036 to 0.15 deg more. A drive that owns its brake holds the motor until it has closed.
+    """
+    machine = with_values(default_machine(), {"drive.kind": "canopen", "control.scan_period_ms": 4.0})
+    rows = [row for row in stop_table(machine, (0.6,)) if row.stop.stop_class is StopClass.QUICK]
+    by_drive, _ = watch_rows(machine, rows)
+    by_hand, _ = watch_rows(with_values(machine, {"brake.owner": "object_60FE"}), rows)
+    assert by_drive.angle_deg == pytest.approx(rows[0].stop.angle_deg + 0.6 * 0.050)
+    assert 0.036 <= by_hand.angle_deg - by_drive.angle_deg <= 0.15
 
 
 def test_a_yaw_drive_reads_its_speeds_and_not_zero() -> None:

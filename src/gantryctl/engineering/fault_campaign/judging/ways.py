@@ -150,6 +150,9 @@ class Way:
 
     def _of_class(self, machine: Machine, case: FaultCase, speed: float) -> float:
         limit = limit_deg(machine, case.reaction, max(speed, _GRID_DEG_S[0]), case.seen_by)
+        if any(each.kind == "readings_late" for each in case.injections):
+            # No fault of the drive's own loop: a gap of telegrams is a quick stop.
+            limit = max(limit, limit_deg(machine, ReactionClass.QUICK_STOP, max(speed, _GRID_DEG_S[0])))
         if self._no_torque:
             limit = max(limit, limit_deg(machine, ReactionClass.TORQUE_OFF, speed, SeenBy.RAMP))
         return limit

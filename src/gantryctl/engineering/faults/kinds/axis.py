@@ -8,6 +8,7 @@ from typing import Final
 from gantryctl.engineering.faults.kinds.kind import Argument, Place, Table, Undo, enters, standing
 from gantryctl.engineering.faults.physics import friction_nm
 from gantryctl.engineering.faults.target import Target
+from gantryctl.machine.rules.parts import motion_torque_nm
 from gantryctl.units import rad
 
 KINDS: Final[Table] = {}
@@ -233,8 +234,8 @@ def _set(target: Target, name: str, value: float) -> Undo:
     over_s=Argument(float, 1e-3, 3600.0, default=1e-3),
 )
 def _motor_friction(target: Target, beyond_load_share: float, over_s: float) -> Undo:
-    """Friction of the motor grows until its torque is what any load asks for (the torque the brake is tested with) and
-    this part of the rated torque, in the mean of the gusts.
+    """Friction of the motor grows until its torque is what any motion asks for and this part of the rated torque, in
+    the mean of the gusts.
     """
     machine, feedback = target.machine, target.engine.image.drive
     sign = math.copysign(1.0, feedback.vel_act_rad_s)
@@ -243,7 +244,7 @@ def _motor_friction(target: Target, beyond_load_share: float, over_s: float) -> 
         # A gust is gone before the drag is told.
         wind_nm = machine.plant.wind.moment_nm / machine.axis.ratio
         now_nm = friction_nm(machine, feedback.vel_act_rad_s) - sign * wind_nm
-    beyond_nm = machine.brake.test_torque_nm + beyond_load_share * machine.motor.torque_rated_nm - now_nm
+    beyond_nm = motion_torque_nm(machine) + beyond_load_share * machine.motor.torque_rated_nm - now_nm
     # A load that asks for more already (B7) leaves nothing to grow; friction below nothing would drive the shaft on.
     beyond_nm = max(0.0, beyond_nm)
     return _to_value(target, "motor_coulomb_nm", target.plant_value("motor_coulomb_nm") + beyond_nm, over_s)

@@ -34,7 +34,8 @@ class KnownFaults:
     Attributes:
         onset: when the last cause began to act; None without.
         no_ramp: a brake or too little torque takes its ramp from a quick stop, which has the class torque off.
-        own_ramp: the drive is in the NMT state STOPPED: it takes no command, and stops on a ramp of its own.
+        own_ramp: the drive is in the NMT state STOPPED, or no command reaches it: it takes none, and stops on a ramp of
+            its own.
         pulls_away: the load may be taken away, and the position loop answers.
         late_s: the axis goes on for so long before a fault shows.
         brake_late_s: a fault lets the brake close so much later. brake_share: what is left of its torque.

@@ -16,6 +16,7 @@ class Silence:
     def __init__(self, last: Instant) -> None:
         self._last = last
         self._rest_angle: float | None = None
+        self._allowed_deg: float | None = None
 
     def sample(self, true: TrueAxis) -> None:
         """Judge one millisecond."""
@@ -27,7 +28,9 @@ class Silence:
                 true.say("INV-2", f"moved {moved:.3f} deg at rest, and nobody commands")
             return
         way = abs(true.deg(true.angle - last.angle))
-        allowed = true.bounds.way_deg(StopClass.SILENCE, true.deg(last.speed))
+        if self._allowed_deg is None:
+            self._allowed_deg = true.bounds.way_deg(StopClass.SILENCE, true.deg(last.speed))
+        allowed = self._allowed_deg
         if way > allowed:
             allowed = max(allowed, true.held_way_deg(last))
         if way > allowed:

@@ -74,7 +74,9 @@ def hides_state(each: Injection) -> bool:
 def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
     """Tell the oracle of this axis of an injection that acts from now on."""
     known, now = axis.known, axis.now()
-    known.own_ramp = known.own_ramp or stops_its_telegrams((each,))
+    # Nor does a drive that no command reaches take its torque off before the end of that ramp (axes 8109 on the bus).
+    unreached = each.kind in ("drive_silent", "rpdo_lost")
+    known.own_ramp = known.own_ramp or stops_its_telegrams((each,)) or unreached
     watchdog_s = target.machine.can.watchdog_ms * 1e-3
     if each.kind == "slow":
         known.brake_late_s = each.values["late_s"]
@@ -97,7 +99,7 @@ def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
         known.load_share = lambda motor_rad: load_share(target, motor_rad)
     if each.kind == "stall":
         known.hold(now, each.values["late_s"])
-    if each.kind in ("drive_silent", "rpdo_lost"):
+    if unreached:
         # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
         known.hold(now, watchdog_s)
     known.inject(now, effect_of(each))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
 from gantryctl.engineering.faults.injection import injection
 from gantryctl.program.alarms.codes import Code
 
@@ -117,6 +117,7 @@ ROWS: Final = (
         reads="heartbeat lost; torque off",
         injections=(injection("frame", "heartbeat_off"),),
         buses=("bus",),
+        seen_by=SeenBy.HEARTBEAT,
     ),
     FaultCase(
         number="E10",
