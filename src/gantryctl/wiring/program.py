@@ -10,7 +10,6 @@ from typing import Final
 
 from gantryctl import _core
 from gantryctl.machine import Machine
-from gantryctl.machine.rules.parts import motion_torque_nm
 from gantryctl.machine.tables.axis import VirtualAxisTable
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
@@ -204,7 +203,7 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_close_time_s=brake.close_time_ms * _MS,
         brake_feedback_time_s=monitors.brake_feedback_time_ms * _MS,
         test_torque_nm=brake.test_torque_nm,
-        motion_torque_nm=motion_torque_nm(machine),
+        running_torque_nm=monitors.running_torque_nm,
         brake_torque_nm=brake.torque_nm,
         brake_dec_least_rad_s2=rad(_brake_dec_least_deg_s2(machine)),
         brake_stops_max=brake.emergency_stops_max,

@@ -82,7 +82,7 @@ def test_a_brake_that_drags_for_a_second_warns_and_twice_as_much_halts(
 @pytest.mark.parametrize(("excess_nm", "told"), [(78.0, False), (85.0, True)])
 def test_friction_above_the_brake_test_is_no_drag_of_a_motion_that_nobody_has_learned(way, excess_nm, told):
     """110 N m of friction and load: 148 N m are within 15 % of 257 above them, 155 are not."""
-    parts = Parts(motion_torque_nm=110.0)
+    parts = Parts(running_torque_nm=110.0)
     watch, scan = drags(parts, way, excess_nm)
     watch.model.add = lambda *_: None
     assert (parts.after(scan, most_s=4.0) < math.inf) is told

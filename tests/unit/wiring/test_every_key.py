@@ -372,7 +372,7 @@ ROWS: dict[str, Row] = {
     "brake.hold": {"program.power.standstill": lambda _: StandstillPolicy.BRAKE},
     "brake.hold_brake_after_s": {"program.power.hold_brake_after_s": 1.0},
     "brake.proof_torque_nm": {"program.power.proof_torque_nm": 1.0},
-    "brake.test_torque_nm": {"program.power.test_torque_nm": 1.0, "program.power.motion_torque_nm": 1.0},
+    "brake.test_torque_nm": {"program.power.test_torque_nm": 1.0},
     "brake.emergency_stops_max": {"program.power.brake_stops_max": 1.0},
     "brake.sag_max_deg": {"program.power.sag_max_rad": DEG},
     # --- drive and bus
@@ -468,7 +468,7 @@ ROWS: dict[str, Row] = {
     "monitors.lease_ms": {"program.monitors.lease_s": MS},
     "monitors.door_reaction": {"program.monitors.door_quick_stop": lambda _: True},
     "monitors.encoder_battery": {"program.monitors.encoder_battery": 1.0},
-    "monitors.running_torque_nm": {"program.power.motion_torque_nm": 1.0},
+    "monitors.running_torque_nm": {"program.power.running_torque_nm": 1.0},
     "monitors.motor_thermal_time_constant_s": {"program.thermal.time_constant_s": 1.0},
     "monitors.motor_temp_max_c": {"program.thermal.winding_max_c": 1.0},
     # --- plant
@@ -717,7 +717,6 @@ CHANGED: dict[str, Any] = {
     "can.profile": "maxon_epos4",
     "can.position_range": "around 0",
     "monitors.door_reaction": "quick_stop",
-    # More than the brake test asks for.
     "monitors.running_torque_nm": 90.0,
     "plant.integration.scheme": "rk4",
     "plant.second_pinion.lost": "second",

@@ -61,7 +61,7 @@ class DragWatch:
         self._warning_nm, self._halt_nm = _WARNING_SHARE * self._rated_nm, _HALT_SHARE * self._rated_nm
         self._grip_nm = _GRIPS_SHARE * power.brake_torque_nm
         self._grips = round(_GRIPS_PERIODS * settings.monitors.swing_s / sample_s)
-        self._load_nm = power.motion_torque_nm
+        self._load_nm = max(power.test_torque_nm, power.running_torque_nm)
         self._per_acc = power.torque_max_nm / settings.ramps.quick_dec_rad_s2
         self.model = TorqueModel(settings.law.ratio, power.torque_rated_nm)
         self.begin()
