@@ -174,6 +174,13 @@ class Context:
     certificate: str
 
 
+def torque_text(torque_nm: float, unit: str = "N m", form: str = ".0f") -> str:
+    """A torque for people: as `form` has it in its unit, N m or kN m; in two digits where that would leave one."""
+    value = torque_nm / 1e3 if unit == "kN m" else torque_nm
+    sign, decimals = form.rstrip(".0123456789f"), int(form[-2])
+    return f"{value:{form}} {unit}" if abs(value) >= 10.0 ** (1 - decimals) else f"{value:{sign}.2g} {unit}"
+
+
 def passed(key: str, proof: str, **figures: float | Figure) -> StepResult:
     """Result of a proof that succeeded."""
     return judged(True, key, proof, "", **figures)

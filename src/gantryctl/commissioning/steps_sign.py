@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
-from gantryctl.commissioning.results import Context, Figure, StepResult, judged
+from gantryctl.commissioning.results import Context, Figure, StepResult, judged, torque_text
 from gantryctl.drives.canopen.bus.sdo import SdoError
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.drives.od.verdicts import ParameterVerdict
@@ -169,18 +169,13 @@ def _push(axis: OpenLoopAxis, lowered: dict[int, int], figures: dict[str, Figure
         given = abs(axis.feedback.torque_act_nm)
         most = max(most, given)
         if not given <= _PASSED * limit:
-            axis.stop_for(f"6072 lowered to {_nm(limit)} is not heeded: {_nm(given)} given")
+            axis.stop_for(f"6072 lowered to {torque_text(limit)} is not heeded: {torque_text(given)} given")
         held = held + 1 if given >= _REACHED * limit else 0
         if held * axis.period_s >= _HELD_S or not abs(axis.angle_deg - begun) <= longer * _PUSH_DEG:
             break
     axis.run(_REST_S)
     figures["torque_most_nm"] = Figure(most, _REACHED * limit, _PASSED * limit)
-    return f"; 6072 lowered to {_nm(limit)}, {_nm(most)} given"
-
-
-def _nm(torque_nm: float) -> str:
-    """A torque for people, in two digits where it is small."""
-    return f"{torque_nm:.0f} N m" if torque_nm >= 10.0 else f"{torque_nm:.2g} N m"
+    return f"; 6072 lowered to {torque_text(limit)}, {torque_text(most)} given"
 
 
 def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
