@@ -182,6 +182,11 @@ def test_every_wrong_field_of_a_machine_file_gets_its_line(tmp_path: Path) -> No
             assert word in answer.err
 
 
+@pytest.mark.parametrize("given", [("--at", "30"), ("--torque", "5")])
+def test_an_analysis_without_a_measurement_is_at_no_angle(given: tuple[str, str]) -> None:
+    assert f"{given[0]}: is for --measure" in refused("analyse", *given)
+
+
 def test_the_search_for_a_quick_stop_takes_no_speed_and_writes_no_report(tmp_path: Path) -> None:
     """A speed that is named and not heeded would be read as that of the certificate."""
     assert "leave out --speed" in refused("stops", "--find-quick", "--speed", "3")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -15,7 +15,6 @@ from gantryctl.cli.options import (
     directory,
     json_option,
     machine_of,
-    number_option,
     out_option,
     print_json,
     write_json,
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
 
 # Pictures and data go here when --plot names no folder.
 DEFAULT_OUT = Path("analysis")
+# Where to measure when --at is not given.
+_AT_DEG: Final = 75.0
 # Axis time of the three measurements on a bus, about: 525 s with hust_can.toml.
 _ON_BUS_S = 525.0
 
@@ -58,9 +59,12 @@ _ON_BUS_S = 525.0
     is_flag=True,
     help="Measure frequency responses on the axis, simulated or on a bus.",
 )
-@number_option(("--at", "angle_deg"), 75.0, "Where to measure, deg.")
+@click.option("--at", "angle_deg", type=FINITE, help=f"Where to --measure, deg; {_AT_DEG:g} when not given.")
 @click.option(
-    "--torque", "torque_nm", type=FINITE, help="Test torque, N m; 4 % of the rated torque when not given."
+    "--torque",
+    "torque_nm",
+    type=FINITE,
+    help="Test torque to --measure with, N m; 4 % of the rated torque when not given.",
 )
 @click.option("--plot", is_flag=True, help=f"Write pictures to --out (default: {DEFAULT_OUT}/).")
 @out_option
@@ -72,7 +76,7 @@ def analyse(
     friction: str,
     with_robust: bool,
     with_measured: bool,
-    angle_deg: float,
+    angle_deg: float | None,
     torque_nm: float | None,
     plot: bool,
     out: Path | None,
@@ -88,7 +92,12 @@ def analyse(
     from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind
     from gantryctl.engineering.analysis.models.robust import robust_report
     from gantryctl.engineering.analysis.study import study
+    from gantryctl.errors import UsageError
 
+    for option, given in (("--at", angle_deg), ("--torque", torque_nm)):
+        # The linear analysis is of the file's values, at no angle: somebody would read it as of the one that he named.
+        if given is not None and not with_measured:
+            raise UsageError(f"{option}: is for --measure; the analysis of the model has neither")
     if plot:
         need("matplotlib")
     machine = machine_of(config_file)
@@ -98,7 +107,9 @@ def analyse(
     robust = robust_report(machine) if with_robust else None
     measured = []
     if with_measured:
-        measured = _measured(config_file, angle_deg, torque_nm, yes, quiet=as_json)
+        measured = _measured(
+            config_file, _AT_DEG if angle_deg is None else angle_deg, torque_nm, yes, quiet=as_json
+        )
     folder = directory(out or DEFAULT_OUT) if plot or out is not None else None
     files = _plot(result, robust is not None, measured, folder) if plot and folder is not None else []
     data = _data(result, robust, measured) if as_json or folder is not None else {}

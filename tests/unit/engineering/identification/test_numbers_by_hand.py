@@ -13,10 +13,11 @@ import pytest
 from gantryctl.cli.engineering.identify import _show
 from gantryctl.engineering.identification import text
 from gantryctl.engineering.identification.fit import _numbers, _Windup, _without_windup
+from gantryctl.engineering.identification.on_batch import _COLUMNS, SimulatedAxis
 from gantryctl.engineering.identification.samples import MoveLog, steady
 from gantryctl.engineering.identification.torque_balance import BalanceFit, TorqueBalance
 from gantryctl.engineering.identification.validation import Validation
-from gantryctl.machine import Identified, default_machine
+from gantryctl.machine import Identified, default_machine, with_values
 from support.improved import improved_machine
 
 
@@ -96,3 +97,21 @@ def test_the_jerk_whose_ramps_last_one_swing(
     told = capsys.readouterr().out
     assert "First mode with the motor held: 2.50 Hz." in told
     assert "jerk_deg_s3 = 0.983 with the present acc_deg_s2 = 0.3934" in told
+
+
+def test_a_reading_is_taken_to_when_the_load_was_seen() -> None:
+    """At 0.01 rad/s a reading that is 2 ms old lags by 20 urad."""
+    machine = with_values(default_machine(), {"control.compensation.latency_us": 2000.0})
+    rows = {name: np.zeros(2) for name in _COLUMNS} | {
+        "pos_act_rad": np.array([0.1, 0.1]), "vel_ref_rad_s": np.array([0.01, -0.01])
+    }  # fmt: skip
+
+    class Log(dict[str, Any]):
+        period_s = 0.002
+
+        def __len__(self) -> int:
+            return 2
+
+    run: Any = lambda *_: Log(rows)  # noqa: E731
+    log = SimulatedAxis(machine, run=run).go(10.0, 1.0)
+    assert log.act_rad - 0.1 == pytest.approx(np.array([2e-5, -2e-5]))

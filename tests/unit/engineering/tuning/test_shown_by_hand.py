@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.analysis.measured.response import Condition
-from gantryctl.engineering.tuning import on_bus
+from gantryctl.engineering.tuning import by_margins, on_bus
 from gantryctl.engineering.tuning.bench import TrialMove
 from gantryctl.engineering.tuning.by_margins import Designed
 from gantryctl.engineering.tuning.gains import Gains, configured, machine_with
@@ -123,3 +123,24 @@ def test_the_second_half_judges_the_proposed_kpp_and_no_other(kpp_per_s: float) 
     )
     with pytest.raises(UsageError, match=f"kpp_per_s = {kpp_per_s:g}, proposed are 10 /s"):
         on_bus.end(machine, run, session)
+
+
+def test_the_plant_that_breaks_a_condition_most_is_searched_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What holds on it holds on the others too: one round more, not one for each of them."""
+
+    class Search:
+        def __init__(self, *_: object) -> None:
+            self.plants: list[float] = []
+
+        def best(self) -> float:
+            return max(self.plants, default=0.0)
+
+        def excess(self, gains: float, plants: list[float]) -> float:
+            return plants[0] - gains
+
+    monkeypatch.setattr(by_margins, "_Search", Search)
+    monkeypatch.setattr(by_margins, "_encoder_limit", lambda *_: None)
+    monkeypatch.setattr(by_margins, "uncertain_plants", lambda *_: [])
+    plants: Any = [0.2, 0.3, 0.1]
+    found = by_margins.by_margins(default_machine(), plants=plants)
+    assert found[:2] == (0.3, 1)
