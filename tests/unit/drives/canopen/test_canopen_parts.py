@@ -170,6 +170,17 @@ def test_a_range_around_0_ends_at_its_halves(span: int) -> None:
     ]  # fmt: skip
 
 
+# What 2^32 leaves beyond the range is the jump at its end: above an eighth of the range, and below.
+@pytest.mark.parametrize(
+    ("span", "step", "counted"),
+    [(3_800_000_000, 250_000_000, -244_967_296), (3_840_000_000, 240_000_000, 240_000_000)],
+)
+def test_a_jump_of_less_than_an_eighth_of_the_range_is_motion(span: int, step: int, counted: int) -> None:
+    unwrap = Unwrap(span)
+    start = unwrap(1000)
+    assert unwrap(1000 + step) - start == counted
+
+
 def test_the_first_reading_lies_within_the_range() -> None:
     assert Unwrap(4096 * 10_000, around_zero=True)(-5) == 4096 * 5_000 - 5
     assert Unwrap(1 << 31)(-5) == (1 << 31) - 5

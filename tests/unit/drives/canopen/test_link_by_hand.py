@@ -66,6 +66,20 @@ def test_the_controller_of_the_bus_tells_its_state(
     assert link.down
 
 
+# Of linux/can/error.h: a frame not sent in time, arbitration, a violated protocol, transceiver, no answer, any error.
+@pytest.mark.parametrize("kind", [0x01, 0x02, 0x08, 0x10, 0x20, 0x80])
+@pytest.mark.parametrize(
+    ("before", "trouble"), [([], WELL), ([error(BUS_OFF)], OFF), ([error(CONTROLLER, TX_PASSIVE)], PASSIVE)]
+)
+def test_an_error_of_another_class_is_no_state(
+    before: list[can.Message], trouble: LinkFlag, kind: int
+) -> None:
+    link = BusLink(Scripted(*before, error(kind)))
+    for _ in (*before, kind):
+        link.receive(0.0)
+    assert link.trouble == trouble
+
+
 @pytest.mark.parametrize(
     ("advances", "told", "stepped"), [(False, False, False), (False, True, True), (True, False, True)]
 )
