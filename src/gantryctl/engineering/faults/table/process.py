@@ -153,9 +153,13 @@ PROCESS: Final = (
         "F10",
         "An exception inside the scan",
         "guard around the scan",
-        "speed command 0, quick stop, brake, torque off",
+        "speed command 0, quick stop, brake, torque off; torque that alone holds the load goes on",
         (Code.SYS_09,),
         (
+            *at(
+                "unit/operation/test_power_down_of_a_run.py",
+                "test_torque_that_alone_holds_a_load_outlives_its_program",
+            ),
             *at(
                 "unit/runtime/test_engine.py",
                 "test_a_program_that_raises_gets_the_drive_a_quick_stop_in_the_same_scan",
