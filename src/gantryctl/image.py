@@ -380,6 +380,8 @@ class OutputImage(NamedTuple):
     """The load is commanded to stand, and the motor stands."""
     torque_holds: bool = False
     """Torque at zero speed holds the load alone: its brake is not trusted. No output of the machine."""
+    at_once: bool = False
+    """With DISABLE: the torque goes now, whatever order its way down has begun in. No output of the machine."""
 
 
 SAFE_OUTPUT = OutputImage()

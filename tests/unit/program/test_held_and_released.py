@@ -227,10 +227,13 @@ def test_a_speed_that_grows_against_the_torque_while_the_brake_closes_is_of_the_
     rig.spoil = lambda drive: drive._replace(
         torque_act_nm=-way * 330.0, vel_act_rad_s=way * rad(0.1 + 0.05 * next(speeds)) * RATIO
     )
+    assert not rig.output.at_once
     # 0.15 deg/s more than the slowest is no speed of a sound axis; two scans for the ramp of it.
     rig.run(0.006)
     assert rig.codes == ["ENC-12"]
     assert rig.axis.power.phase is P.TORQUE_OFF
+    # A drive that closes its brake in order of its own hears nothing else.
+    assert rig.output.at_once
 
 
 @BOTH

@@ -18,7 +18,8 @@ class BrakeControl:
     """Close and release the brake, whoever owns it.
 
     A drive that owns its brake closes it in order when it is disabled by "disable operation". The program asks for
-    that by withdrawing the brake release while enabled; DISABLE without that takes the torque off at once.
+    that by withdrawing the brake release while enabled; DISABLE without that takes the torque off at once, and so does
+    one that says so: a ramp on a reading of the wrong sign has no end.
 
     Args:
         settings: owner, closing time, period.
@@ -34,14 +35,18 @@ class BrakeControl:
         self.released = False
         """Release command for the output; always False for a brake that the drive owns."""
 
-    def word(self, word: int, state: DriveState, request: DriveRequest, brake_open: bool) -> int:
-        """Controlword with an orderly way down where the drive owns the brake."""
+    def word(
+        self, word: int, state: DriveState, request: DriveRequest, brake_open: bool, *, at_once: bool = False
+    ) -> int:
+        """Controlword with an orderly way down where the drive owns the brake, unless the torque goes at once."""
         if self._by_output:
             self.released = brake_open and state in TURNING
             self._closing = 0 if self.released else self._closing + 1
             return word
         if request is not DriveRequest.ENABLE or brake_open:
             self._closed_in_order = False
+        if at_once:
+            self._closing = 0
         if state is not _ENABLED:
             self._was_released, self._closing = False, 0
             return min(word, DISABLE_OPERATION) if self._closed_in_order else word

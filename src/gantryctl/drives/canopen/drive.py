@@ -295,7 +295,8 @@ class CanopenDrive:
         # A proof: a word that follows the drive's state would end what the drive has to end by itself.
         if not self.silent_heartbeat:
             word = next_controlword(state, request, self._controlword)
-            self._controlword = self._brake.word(word, state, request, output.brake_open)
+            release, at_once = output.brake_open, output.at_once
+            self._controlword = self._brake.word(word, state, request, release, at_once=at_once)
         word = self._controlword
         self._enabling = self._enabling + 1 if word == ENABLE_OPERATION else 0
         enabled = state is DriveState.OPERATION_ENABLED and request is DriveRequest.ENABLE

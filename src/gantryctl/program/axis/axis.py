@@ -228,6 +228,7 @@ class Axis:
             virtual.following and self.monitors.in_position,
             at_rest,
             power.phase is _TORQUE_HOLD,
+            power.phase is PowerPhase.TORQUE_OFF,
         )
 
     def _control_again(self) -> None:

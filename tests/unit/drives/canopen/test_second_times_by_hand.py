@@ -185,6 +185,16 @@ def test_an_enable_that_ends_at_once_takes_the_torque_at_once() -> None:
     assert brake.word(0x00, S.OPERATION_ENABLED, R.DISABLE, False) == 0x00
 
 
+def test_torque_that_goes_at_once_waits_for_no_order_of_the_way_down() -> None:
+    """The drive ramps for its brake, and its encoder is found wrong: 07 would go on for 0.35 s."""
+    brake = BrakeControl(settings())
+    brake.word(0x0F, S.OPERATION_ENABLED, R.ENABLE, True)
+    assert brake.word(0x0F, S.OPERATION_ENABLED, R.ENABLE, False) == 0x07
+    assert brake.word(0x00, S.OPERATION_ENABLED, R.DISABLE, False) == 0x07
+    assert brake.word(0x00, S.OPERATION_ENABLED, R.DISABLE, False, at_once=True) == 0x00
+    assert brake.word(0x00, S.OPERATION_ENABLED, R.DISABLE, False) == 0x00
+
+
 def test_a_disable_in_the_way_down_leaves_the_next_enable_free() -> None:
     brake = BrakeControl(settings())
     brake.word(0x0F, S.OPERATION_ENABLED, R.ENABLE, True)
