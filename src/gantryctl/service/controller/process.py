@@ -142,16 +142,14 @@ class Controller:
             while not self.engine.run_until(lambda _: self._after_scan(publisher), _DAY_S):
                 pass
         except GantryctlError as raised:
-            failure = self._stopped_by(raised, publisher)
+            failure = self._stopped_by(raised)
+            self._hold_load(publisher)
         finally:
             self._close(failure)
         return 0 if failure is None else AlarmStop.exit_code
 
-    def _stopped_by(self, raised: GantryctlError, publisher: Publisher) -> AlarmStop:
-        """Bring the axis to rest after an error in a scan, whatever it was; the engine has begun the stop.
-
-        Where torque alone holds the load it goes on, and is told, until the service ends.
-        """
+    def _stopped_by(self, raised: GantryctlError) -> AlarmStop:
+        """Bring the axis to rest after an error in a scan, whatever it was; the engine has begun the stop."""
         engine = self.engine
         failure = (
             raised
@@ -170,13 +168,17 @@ class Controller:
             with contextlib.suppress(GantryctlError):
                 engine.run_for(max(0.0, end_s - engine.time_s))
                 break
+        return failure
+
+    def _hold_load(self, publisher: Publisher) -> None:
+        """Go on, and tell, while torque alone holds the load without a program, until the service ends."""
+        engine = self.engine
         while engine.holds_load and time.monotonic() <= self._end_s:
             try:
                 engine.run_until(lambda _: self._after_scan(publisher) or not engine.holds_load, _DAY_S)
             except GantryctlError:  # what comes after a scan may be what has failed
                 if self.operator.shutdown:
                     self._end_s = min(self._end_s, time.monotonic() + END_S)
-        return failure
 
     def end(self) -> None:
         """Let the axis come to rest, close the brake, take torque off, then leave `run`."""
