@@ -36,6 +36,10 @@ class Desk:
     def tell(self, kind: str, text: str, **values: Any) -> None:
         self.told.append((kind, text))
 
+    def tell_of_step(self, kind: str, text: str, **values: Any) -> None:
+        assert values["step"] == STEP.key
+        self.told.append((kind, text))
+
     def next_order(self) -> Step | None:
         return self.orders.pop(0)
 

@@ -113,7 +113,7 @@ def test_an_axis_without_torque_is_not_down_while_anything_moves(at_rest: bool) 
         is_off=True, virtual=SimpleNamespace(at_rest=at_rest), power=SimpleNamespace(phase=PowerPhase.OFF)
     )
     run = AxisRun.__new__(AxisRun)
-    run.axis = cast("Any", axis)
+    run.axis, run.engine = cast("Any", axis), cast("Any", SimpleNamespace(failure=None))
     assert run._is_down() is at_rest
 
 
