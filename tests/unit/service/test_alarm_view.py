@@ -52,6 +52,23 @@ def test_the_account_of_a_stop_reaches_rows_and_journal_when_it_is_complete() ->
     assert [text for text in kept if "at rest" in text] == ["INT-06 · Quick stop, at rest after 1100 ms"]
 
 
+def test_rows_are_shown_anew_at_the_start_and_when_an_alarm_goes() -> None:
+    """At the start those of the controller before are still there."""
+    seen = Seen()
+    view, log = seen.view, seen.log
+    assert view.changed
+    log.raise_(Code.BRK_04, measured=0.2, limit=0.1)
+    log.raise_(Code.INT_06, measured=5.0, speed=-6.0)
+    view.scan()
+    view.changed = False
+    view.scan()
+    assert not view.changed
+    del log.active[Code.BRK_04]
+    view.scan()
+    assert view.changed
+    assert [row["code"] for row in view.rows()["alarms"]] == ["INT-06"]
+
+
 def test_the_angle_of_an_alarm_is_told_only_where_the_reading_was_believed() -> None:
     seen = Seen()
     seen.log.pos_rad = math.radians(12.5)

@@ -186,6 +186,11 @@ def test_the_way_is_that_of_the_gantry_both_ways_without_noise() -> None:
             feedback.counts = (angle_deg + 0.0004 * (number % 2)) * COUNTS_PER_DEG
             retainer.scan()
         assert deg(retainer._state("").travelled_rad - before) == pytest.approx(5.0, abs=0.002)
+        # Slower than that nothing is lost either: steps of 0.0012 deg, a thousand of them.
+        for number in range(1000):
+            feedback.counts = -0.0012 * (number + 1) * COUNTS_PER_DEG
+            retainer.scan()
+        assert deg(retainer._state("").travelled_rad - before) == pytest.approx(6.2, abs=0.002)
 
 
 def test_each_motion_counts_once_also_one_by_hand() -> None:
@@ -345,6 +350,13 @@ def test_a_drive_that_cannot_be_set_up_again_is_told_and_one_that_can_is_judged(
             desk.controller._after_reset()
             assert texts(desk.memory)[before:] == [told] * bool(told)
         assert reason in desk.permit.reasons
+        # Once for each reset.
+        asked: list[int] = []
+        monkeypatch.setattr(desk.controller, "_after_reset", lambda: asked.append(desk.permit.resets))
+        desk.permit.resets += 1
+        for _ in range(3):
+            desk.controller._watch()
+        assert asked == [desk.permit.resets]
 
 
 # --- begin and end ------------------------------------------------------------------------------------------
@@ -409,10 +421,24 @@ def test_a_run_ends_at_rest_with_power_off_or_after_20_s(monkeypatch: pytest.Mon
         ):  # fmt: skip
             axis.power.phase, axis.virtual.at_rest = phase, rests
             assert controller._after_scan(publisher) is ends
-        now_s[0] += 20.0 - 1.0
+        now_s[0] += 20.0
         assert not controller._after_scan(publisher)
-        now_s[0] += 2.0
+        now_s[0] += 0.001
         assert controller._after_scan(publisher)
+
+
+def test_a_run_ends_a_second_behind_the_power_and_no_scan_later() -> None:
+    """Of the brake that holds alone, so that one that slips is seen."""
+    publisher: Any = SimpleNamespace(scan=lambda: None)
+    with opened() as desk:
+        desk.scans(3)
+        desk.controller.end()
+        for since_s, ends in ((0.996, False), (1.0, True)):
+            desk.controller._off_s = desk.engine.time_s - since_s
+            assert desk.controller._after_scan(publisher) is ends
+        # The set-point is still on its ramp: the next run would begin with it.
+        desk.axis.virtual.at_rest = False
+        assert not desk.controller._after_scan(publisher)
 
 
 def test_the_start_tells_what_it_has_found_and_a_kill_before_it_once_it_was_one(
@@ -424,11 +450,16 @@ def test_the_start_tells_what_it_has_found_and_a_kill_before_it_once_it_was_one(
         controller, words = desk.controller, desk.memory.words
         tags = published(desk)
         monkeypatch.setattr(process, "Snapshot", lambda _: SimpleNamespace(fast=lambda: (tags, 2500.0)))
+        frozen: list[object] = []
+        monkeypatch.setattr(process, "freeze", lambda folder, code: frozen.append((folder.name, code)))
         controller.notes = ("the drive was set to CSV",)
         words[Word.CONTROLLER_CLEAN] = 1
         controller._write_start()
         assert texts(desk.memory) == [f"controller started: {MACHINE.name}", "the drive was set to CSV"]
+        assert frozen == []
         controller._write_start()
+        # The frames before a kill are those of its alarm.
+        assert frozen == [("traces", Code.SYS_05)]
         told = texts(desk.memory)[2]
         assert told.startswith("SYS-05")
         assert str(Words.AGO(age_s=2.5)) in told
@@ -439,6 +470,8 @@ def test_the_last_words_confirm_no_brake_that_nobody_sees_and_no_angle_in_doubt(
         desk.scans(3)
         feedback = desk.axis.feedback
         assert desk.controller._ended(True) == "controller ended at 0.000 deg, brake closed, torque off"
+        desk.axis.pos_act_rad = rad(41.5)
+        assert desk.controller._ended(True) == "controller ended at 41.500 deg, brake closed, torque off"
         feedback.brake_contact = False
         assert desk.controller._ended(True).endswith("deg, brake commanded closed, not confirmed, torque off")
         feedback.in_doubt = True
@@ -457,8 +490,10 @@ def test_after_each_scan_the_frames_of_alarms_and_the_time_are_looked_at() -> No
         controller: Any = desk.controller
         controller._held_up = SimpleNamespace(look=lambda: looked.append("clock"))
         controller._frames = SimpleNamespace(look=looked.append)
+        settle = desk.operator.settle
+        desk.operator.settle = lambda: looked.append("replies") or settle()  # type: ignore[method-assign, func-returns-value]
         controller._after_scan(publisher)
-        assert looked == ["clock", desk.engine.time_s]
+        assert looked == ["clock", "replies", desk.engine.time_s]
 
 
 @pytest.mark.parametrize("options", [[], ["--second-person"]])
