@@ -174,11 +174,15 @@ class Context:
     certificate: str
 
 
-def torque_text(torque_nm: float, unit: str = "N m", form: str = ".0f") -> str:
-    """A torque for people: as `form` has it in its unit, N m or kN m; in two digits where that would leave one."""
-    value = torque_nm / 1e3 if unit == "kN m" else torque_nm
-    sign, decimals = form.rstrip(".0123456789f"), int(form[-2])
-    return f"{value:{form}} {unit}" if abs(value) >= 10.0 ** (1 - decimals) else f"{value:{sign}.2g} {unit}"
+def figure_text(value: float, decimals: int, *, signed: bool = False) -> str:
+    """A figure for people, with so many decimals; in two digits where they would leave one."""
+    sign = "+" if signed else ""
+    return f"{value:{sign}.{decimals}f}" if abs(value) >= 10.0 ** (1 - decimals) else f"{value:{sign}.2g}"
+
+
+def torque_text(torque_nm: float) -> str:
+    """A torque of the motor for people."""
+    return f"{figure_text(torque_nm, 0)} N m"
 
 
 def passed(key: str, proof: str, **figures: float | Figure) -> StepResult:

@@ -6,7 +6,16 @@ import math
 from typing import Final, NamedTuple
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
-from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, torque_text
+from gantryctl.commissioning.results import (
+    Context,
+    Figure,
+    Outcome,
+    StepResult,
+    failed,
+    figure_text,
+    judged,
+    torque_text,
+)
 from gantryctl.commissioning.stopping.quick_stop import (
     CRUISE_S,
     QuickStop,
@@ -63,8 +72,8 @@ def ramp(c: Context) -> StepResult:
         hardest = _at_top_deg_s2(seen, top)
         stop = worst_stop(c.machine, StopClass.QUICK, top, hardest)
         figures |= _loads(c, stop)
-        reducer = torque_text(stop.torque_reducer_nm, "kN m", ".1f")
-        loads = f"{torque_text(stop.torque_motor_nm)} at the motor, {reducer} at the reducer"
+        reducer_knm = figure_text(stop.torque_reducer_nm / 1e3, 1)
+        loads = f"{torque_text(stop.torque_motor_nm)} at the motor, {reducer_knm} kN m at the reducer"
         c.say(f"  from {speed:g} deg/s: {dec:.2f} deg/s2; from {top:g} deg/s that is {loads}")
         if not within_ratings(c.machine, stop):
             proof = f"{dec:.2f} deg/s2 from {speed:g} deg/s; {hardest:.2f} deg/s2 from {top:g} deg/s: {loads}"

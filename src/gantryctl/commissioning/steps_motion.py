@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from gantryctl.commissioning.load_side.ring import BothEncoders, has_ring
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.pictures import POINTS, MotionSample
-from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, torque_text
+from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, figure_text, judged
 from gantryctl.commissioning.stopping.quick_stop import (
     CRUISE_S,
     computed_way_deg,
@@ -300,10 +299,9 @@ def slow_turn(c: Context) -> StepResult:
     model = np.column_stack((direction, np.sin(angle), np.cos(angle), np.ones_like(angle)))
     (friction, sine, cosine, constant), *_ = np.linalg.lstsq(model, torque, rcond=None)
     rest = float(np.std(torque - model @ np.array((friction, sine, cosine, constant))))
-    kilo = partial(torque_text, unit="kN m", form=".2f")
 
-    def signed(torque_nm: float) -> str:
-        return torque_text(torque_nm, "kN m", "+.2f").removesuffix(" kN m")
+    def knm(torque_nm: float, *, signed: bool = False) -> str:
+        return figure_text(torque_nm / 1e3, 2, signed=signed)
 
     whole = most - least >= _WHOLE_DEG
     moment = math.hypot(sine, cosine)
@@ -313,12 +311,14 @@ def slow_turn(c: Context) -> StepResult:
         "following_error_deg": error,
         "speed_deg_s": speed,
     }
-    proof = f"friction {kilo(friction)} at {speed:g} deg/s; the travel is too short for the eccentric moment"
+    proof = (
+        f"friction {knm(friction)} kN m at {speed:g} deg/s; the travel is too short for the eccentric moment"
+    )
     if whole:
         figures |= {"moment_sine_nm": float(sine), "moment_cosine_nm": float(cosine)}
         proof = (
-            f"eccentric moment {kilo(moment)} (sine {signed(sine)}, cosine {signed(cosine)}), friction "
-            f"{kilo(friction)} at {speed:g} deg/s, remainder {kilo(rest)} rms, at the load"
+            f"eccentric moment {knm(moment)} kN m (sine {knm(sine, signed=True)}, cosine {knm(cosine, signed=True)}), "
+            f"friction {knm(friction)} kN m at {speed:g} deg/s, remainder {knm(rest)} kN m rms, at the load"
         )
     order = np.argsort(angle)
     both = [(way, order[direction[order] == sign]) for way, sign in (("forward", 1.0), ("back", -1.0))]

@@ -13,7 +13,7 @@ import pytest
 
 from gantryctl.commissioning import STEPS, steps_motion, steps_power, steps_sign
 from gantryctl.commissioning.load_side import ring
-from gantryctl.commissioning.results import Outcome, torque_text
+from gantryctl.commissioning.results import Outcome, figure_text, torque_text
 from gantryctl.commissioning.steps_lacks import _stop_from, ramp
 from gantryctl.commissioning.stopping.quick_stop import trial_speed_deg_s
 from gantryctl.drives.od.verdicts import ParameterVerdict
@@ -251,18 +251,21 @@ def test_the_motor_of_a_low_ratio_turns_as_far_as_that_of_a_gantry(
 
 
 @pytest.mark.parametrize(
-    ("torque_nm", "unit", "form", "told"),
+    ("value", "decimals", "signed", "told"),
     [
-        (128.4, "N m", ".0f", "128 N m"), (9.7, "N m", ".0f", "9.7 N m"), (-0.394, "N m", ".0f", "-0.39 N m"),
-        (16_020.0, "kN m", ".2f", "16.02 kN m"), (6.04, "kN m", ".2f", "0.006 kN m"),
-        (-3.1, "kN m", "+.2f", "-0.0031 kN m"), (96.0, "kN m", "+.2f", "+0.096 kN m"),
-        (35_200.0, "kN m", ".1f", "35.2 kN m"), (120.0, "kN m", ".1f", "0.12 kN m"),
+        (16.02, 2, False, "16.02"), (0.00604, 2, False, "0.006"), (-0.0031, 2, True, "-0.0031"),
+        (0.096, 2, True, "+0.096"), (35.2, 1, False, "35.2"), (0.12, 1, False, "0.12"), (128.4, 0, True, "+128"),
     ],
 )  # fmt: skip
-def test_a_torque_has_two_digits_on_a_small_axis_too(
-    torque_nm: float, unit: str, form: str, told: str
+def test_a_figure_has_two_digits_on_a_small_axis_too(
+    value: float, decimals: int, signed: bool, told: str
 ) -> None:
-    assert torque_text(torque_nm, unit, form) == told
+    assert figure_text(value, decimals, signed=signed) == told
+
+
+@pytest.mark.parametrize(("torque_nm", "told"), [(128.4, "128 N m"), (9.7, "9.7 N m"), (-0.394, "-0.39 N m")])
+def test_a_torque_has_two_digits_on_a_small_axis_too(torque_nm: float, told: str) -> None:
+    assert torque_text(torque_nm) == told
 
 
 @pytest.mark.parametrize(("torque_nm", "told"), [(128.4, "128 N m"), (0.394, "0.39 N m")])

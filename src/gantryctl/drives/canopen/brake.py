@@ -18,8 +18,8 @@ class BrakeControl:
     """Close and release the brake, whoever owns it.
 
     A drive that owns its brake closes it in order when it is disabled by "disable operation". The program asks for
-    that by withdrawing the brake release while enabled; DISABLE without that takes the torque off at once, and so does
-    one that says so: a ramp on a reading of the wrong sign has no end.
+    that by withdrawing the brake release while enabled. DISABLE without that takes the torque off at once, and so does
+    DISABLE with `at_once` on the way down: a ramp on a reading of the wrong sign has no end.
 
     Args:
         settings: owner, closing time, period.
