@@ -186,6 +186,36 @@ def test_a_calibration_comes_back_wherever_its_machine_file_names_it(root: Path,
         assert calibration.read_text() == then
 
 
+def test_an_archive_puts_its_calibration_in_the_place_of_no_other_file(root: Path) -> None:
+    """Anybody may have written it: a machine file in it can name any place."""
+    configs, site = default_machine_path().parent, root.parent / "site"
+    machine, other = site / "m.toml", root.parent / "far" / "profile"
+    for folder in (site, other.parent):
+        folder.mkdir(parents=True)
+    text = (configs / "hust_improved.toml").read_text()
+    machine.write_text(text.replace("hust_improved.calibration.toml", "../far/profile"))
+    shutil.copy(configs / "hust_improved.calibration.toml", other)
+    (root / NAME).rename(root / "hust_improved")
+    made = backed_up(root, load_machine(machine))
+    other.write_text("mine")
+    done = restore_backup(made, root)
+    assert other.read_text() == "mine"
+    assert any(kept.endswith("a calibration whose name does not end with .toml") for kept in done.kept)
+
+
+def test_an_archive_puts_its_machine_file_in_the_place_of_no_other_file(root: Path) -> None:
+    profile = root.parent / "profile"
+    profile.write_text(default_machine_path().read_text() + "# mine\n")
+    made = backed_up(root, load_machine(profile))
+    profile.write_text("mine")
+    with pytest.raises(UsageError, match=r"does not end with \.toml: name a place for it with --config"):
+        restore_backup(made, root)
+    assert profile.read_text() == "mine"
+    # Whoever restores may name any place.
+    restore_backup(made, root, profile)
+    assert "# mine" in profile.read_text()
+
+
 def test_a_backup_of_before_the_first_run_leaves_no_memory_of_a_later_one(root: Path) -> None:
     """Its angle, brake tests and settings would be those of another state."""
     directory, away = root / NAME, root.parent / "away"

@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 from gantryctl.errors import DeviceError, StateError, UsageError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine, default_machine_path, load_machine
+from gantryctl.machine.reading import printable
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.runtime import RetainedMemory, StateLock
@@ -36,6 +37,8 @@ from gantryctl.service.recorder.run_record import RunFile
 from gantryctl.service.supervisor.users import FILE as USERS
 
 _PLANT: Final = "plant.json"
+# Of machine files and calibrations.
+_FILE: Final = ".toml"
 # Whose directory it is: the next start notes it anew, by the machine file that is in force then.
 _OWNER: Final = "machine.json"
 _LOCK: Final = "lock"
@@ -169,6 +172,12 @@ class _Restore:
                 f"{self._archive}: the backup is of the reference gantry of version {self._manifest.version}, which is "
                 "another one than that of this version: name a file for it with --config"
             )
+        # Who wrote the archive chose that place: no file but a machine's is replaced unless whoever restores names it.
+        if named is not None and config_file is None and named.suffix != _FILE:
+            raise UsageError(
+                f"{self._archive}: the place of its machine file is {printable(named, 300)}, which does not end with "
+                f"{_FILE}: name a place for it with --config"
+            )
         if named is not None and not named.absolute().parent.is_dir():
             raise UsageError(f"{named}: there is no such folder; name another place with --config")
         return None if named is None else named.absolute()
@@ -183,6 +192,10 @@ class _Restore:
         for inside, to in files.items():
             path, aside = self._folder / CONFIG / inside, self._set_aside / CONFIG / inside.with_name(to.name)
             if not path.exists() or (to.exists() and to.read_bytes() == path.read_bytes()):
+                continue
+            # That it is a calibration was found as the machine file was read.
+            if to != place and to.suffix != _FILE:
+                self._kept.append(f"{to}: a calibration whose name does not end with {_FILE}")
                 continue
             if to.exists():
                 aside.parent.mkdir(parents=True, exist_ok=True)
