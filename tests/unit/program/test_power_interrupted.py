@@ -1,8 +1,10 @@
 """Stops and orders that come in the middle of the way up or down: what the drive and the brake are told then."""
 
+import itertools
+
 import pytest
 
-from gantryctl.image import DigitalInputs, DriveRequest, DriveState
+from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag
 from gantryctl.program import AxisState, BrakeTestOutcome
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import Proof
@@ -245,3 +247,36 @@ def test_a_quick_stop_as_the_drive_opens_its_brake_lets_the_drive_close_it_first
     rig.run(0.01)
     assert rig.axis.is_off
     assert rig.codes == ["INT-06"]
+
+
+@pytest.mark.parametrize("owned", [True, False])
+def test_a_silence_as_the_drive_opens_its_brake_lets_the_drive_close_it_first(owned):
+    """Nobody sees whether it has opened it: its own quick stop for the 150 ms of the brake and 200 ms, then torque off.
+
+    A crane was let go so: 0.13 deg/s until its brake had closed (seed 9042 of other axes on the bus).
+    """
+    rig = Rig(config=settings(brake_by_drive=owned, **HOLDS))
+    rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON, brake_open=False)
+    rig.op(power=True)
+    rig.step()
+    ages = itertools.count(1)
+
+    def silent(drive):
+        age = next(ages)
+        return drive._replace(
+            state=DriveState.SWITCHED_ON,
+            brake_open=False,
+            age_scans=age,
+            speed_age_scans=age,
+            link=LinkFlag.LATE,
+        )
+
+    rig.spoil = silent
+    rig.until(lambda: bool(rig.codes), 0.1)
+    assert rig.codes == ["CAN-03"]
+    asked = 0
+    while not rig.axis.is_off:
+        rig.step()
+        asked += rig.output.request is DriveRequest.QUICK_STOP
+    assert rig.output.request is DriveRequest.DISABLE
+    assert asked * rig.period_s == approx(0.35 if owned else 0.0, abs=2.0 * rig.period_s)

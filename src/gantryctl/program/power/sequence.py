@@ -250,7 +250,10 @@ class PowerSequence:
     @property
     def _opens_by_drive(self) -> bool:
         """A drive that owns its brake is opening it, or has done so without a command yet."""
-        opening = self.phase is PowerPhase.ENABLING and self._feedback.state is DriveState.SWITCHED_ON
+        # One whose telegrams are missing may have gone on to that meanwhile.
+        feedback = self._feedback
+        may_open = feedback.state is DriveState.SWITCHED_ON or feedback.state_old
+        opening = self.phase is PowerPhase.ENABLING and may_open
         begun = self.phase in _BRAKE_OPENING and self._count == 0
         return self._drive_owns_brake and (opening or begun)
 
@@ -466,7 +469,9 @@ class PowerSequence:
     def _disabling(self, _pos_rad: float) -> None:
         if self._feedback.state in ENABLED:
             self._torque_kept(self._disabling_scans)
-        elif self.request is DriveRequest.DISABLE or self._count > _SHOWN_SCANS:
+        elif self.request is DriveRequest.DISABLE or self._count > (
+            self._disabling_scans if self._feedback.state_old else _SHOWN_SCANS
+        ):
             self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
 
     def _torque_kept(self, limit: int) -> None:
