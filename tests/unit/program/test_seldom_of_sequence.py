@@ -254,6 +254,32 @@ def test_a_speed_may_leap_as_the_brake_opens_and_lets_go_what_its_gear_was_twist
     assert leaps(rig) == ["ENC-14"]
 
 
+@BOTH
+def test_a_speed_may_leap_in_the_telegram_that_shows_a_drive_s_own_brake_open(way):
+    """By 0.3 deg/s, as above: nothing else of the way up tells that it opens. With power on it may not."""
+    config = settings(
+        brake_by_drive=True,
+        monitors={"speed_change_max_rad_s2": rad(169.0), "speed_change_per_torque": rad(0.08)},
+    )
+
+    def shown(drive, vel_rad_s=0.0):
+        enabled = drive.state is DriveState.OPERATION_ENABLED
+        return drive._replace(brake_open=enabled, vel_act_rad_s=vel_rad_s if enabled else 0.0)
+
+    leap_rad_s = way * rad(0.3) * RATIO
+    rig = Rig(config=config)
+    rig.spoil = lambda drive: shown(drive, leap_rad_s)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is P.SAG_WATCH, 1.0)
+    assert rig.codes == []
+    rig = Rig(config=config)
+    rig.spoil = shown
+    rig.power_up()
+    rig.spoil = lambda drive: shown(drive, leap_rad_s)
+    rig.step()
+    assert rig.codes == ["ENC-14"]
+
+
 def test_power_that_was_taken_back_does_not_come_on_where_the_brake_shows_open_as_it_is_closed_again():
     """A drive that is about to open its own brake goes on to the end, then closes it."""
     rig = Rig(config=settings(brake_by_drive=True))

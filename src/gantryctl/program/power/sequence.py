@@ -331,6 +331,9 @@ class PowerSequence:
 
     def _enabling(self, _pos_rad: float) -> None:
         feedback, holding = self._feedback, self.holding
+        if self._drive_owns_brake:
+            # The telegram that shows it open shows already what its gear has let go (seed 9288 of axes on the bus).
+            feedback.brake_opens(self._sag_scans)
         if feedback.state is not _OPERATION_ENABLED:
             self._enabled_scans = 0
             self._turns_rad_s = 0.0 if feedback.slow or not feedback.speed_known else abs(feedback.vel_rad_s)
