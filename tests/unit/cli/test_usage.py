@@ -88,7 +88,7 @@ WRONG = [
     (["move", "200"], "target 200.00 deg is beyond +180.00 deg; you are at 0.00 deg, so 180.00 deg are left"),
     (["move", "-180.5"], "beyond -180.00 deg"),
     (["move", "1e300"], "target must be within -180.00 and 180.00 deg"),
-    (["move", "5", "--speed", "0.5"], "speed must be within 0.60 and 6.00 deg/s, got 0.5 deg/s"),
+    (["move", "5", "--speed", "0.5"], "speed must be within 0.6 and 6 deg/s, got 0.5 deg/s"),
     (["move", "5", "--speed", "6.0000001"], "got 6.0000001 deg/s"),
     (["move", "5", "--speed", "-1"], "got -1 deg/s"),
     (["move", "5", "--speed", "inf"], "'--speed'"),

@@ -185,9 +185,9 @@ def test_the_highest_speed_of_the_ledger_is_enforced(tmp_path: Path) -> None:
         try:
             assert run.speed_max_deg_s == 5.8
             assert any("not faster than 5.8 deg/s" in note for note in run.notes)
-            with pytest.raises(CommandRefused, match=r"within 0.60 and 5.80 deg/s"):
+            with pytest.raises(CommandRefused, match=r"within 0.6 and 5.8 deg/s"):
                 run.move(1.0, 6.0)
-            with pytest.raises(CommandRefused, match=r"within 0.60 and 5.80 deg/s"):
+            with pytest.raises(CommandRefused, match=r"within 0.6 and 5.8 deg/s"):
                 run.jog(True, 5.9, 0.1)
         finally:
             run.close("test")

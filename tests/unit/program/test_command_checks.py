@@ -109,7 +109,15 @@ def test_the_speed_setting_reaches_from_a_tenth_to_one_turn_a_minute(speed: floa
 def test_a_speed_outside_is_refused_never_clamped(speed: float) -> None:
     refused = check_setting(rad(speed), SPEED)
     assert refused is not None
-    assert refused.text.startswith("speed must be within 0.60 and 6.00 deg/s, got")
+    assert refused.text.startswith("speed must be within 0.6 and 6 deg/s, got")
+
+
+def test_speeds_of_a_slow_axis_are_told_so_that_they_can_be_typed() -> None:
+    """A yaw drive of 0.3488 deg/s: told as 0.35 its own limit would be refused."""
+    slow = replace(SPEED, setting_min_rad_s=rad(0.03488), setting_max_rad_s=rad(0.3488))
+    refused = check_setting(rad(0.35), slow)
+    assert refused is not None
+    assert refused.text.startswith("speed must be within 0.03488 and 0.3488 deg/s, got 0.35")
 
 
 def test_at_the_end_of_the_travel_only_the_way_back_is_open() -> None:

@@ -112,7 +112,7 @@ ENCODER: Final = (
     # No torque and no brake can change the speed like that: the reading did, or the encoder's coupling.
     Definition(
         Code.ENC_14, _STOP, _TO,
-        Text("Speed reading impossible", "Speed reading {measured}, limit {limit:.2f} deg/s",
+        Text("Speed reading impossible", "Speed reading {measured}, limit {limit:.3g} deg/s",
              "Nothing can turn the motor, or change its speed, like that: encoder, coupling or speed reading.", _CALL),
         Text("速度读数不可能", "速度读数 {measured}，限值 {limit} °/s",
              "电机不可能这样转动或变速：编码器、联轴器或速度读数。", _CALL_ZH),

@@ -51,17 +51,17 @@ class Words(Enum):
         "读数逆着 {torque} N m 的转矩转动 {value} 个计数",
     )
     SPEED_CHANGE = (
-        "{before:.2f} deg/s and {value:.2f} deg/s one scan later",
+        "{before:.3g} deg/s and {value:.3g} deg/s one scan later",
         "{before} °/s，一个扫描周期后 {value} °/s",
     )
     WITHIN_ANGLES = "within {low:.4g} and {high:.4g} deg", "在 {low} 和 {high}° 之间"
     WITHIN_TRAVEL = "within {low:.2f} and {high:.2f} deg", "在 {low} 和 {high}° 之间"
-    WITHIN_SPEEDS = "within {low:.2f} and {high:.2f} deg/s", "在 {low} 和 {high} °/s 之间"
+    WITHIN_SPEEDS = "within {low:.4g} and {high:.4g} deg/s", "在 {low} 和 {high} °/s 之间"
     WITHIN_ACCELERATIONS = "within {low:.4g} and {high:.4g} deg/s2", "在 {low} 和 {high} °/s² 之间"
     WITHIN_PERCENTS = "within {low:.4g} and {high:.4g} %", "在 {low} 和 {high} % 之间"
     WITHIN_ZERO_AND_ONE = "within 0 and 1", "在 0 和 1 之间"
     AT_MOST_ANGLE = "above 0 and at most {high:.2f} deg", "大于 0 且不超过 {high}°"
-    AT_MOST_SPEED = "above 0 and at most {high:.2f} deg/s", "大于 0 且不超过 {high} °/s"
+    AT_MOST_SPEED = "above 0 and at most {high:.4g} deg/s", "大于 0 且不超过 {high} °/s"
     AT_MOST_JERK = "above 0 and at most {high:.4g} deg/s3", "大于 0 且不超过 {high} °/s³"
     ABOVE_ZERO = "above 0", "大于 0"
     AT_MOST_ACCELERATION = "above 0 and at most {high:.4g} deg/s2", "大于 0 且不超过 {high} °/s²"
