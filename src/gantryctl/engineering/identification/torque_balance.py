@@ -86,7 +86,7 @@ def torque_balance(
 ) -> BalanceFit:
     """Least squares over the samples: Gauss and Newton, each step halved until it lowers what is left.
 
-    Whole steps never end:|Tg| has a corner wherever the mesh torque changes its sign.
+    Whole steps never end: |Tg| has a corner wherever the mesh torque changes its sign.
 
     Args:
         motor_inertia_kg_m2: of what turns before the mesh, at the motor.
