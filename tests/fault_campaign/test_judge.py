@@ -216,7 +216,7 @@ def _reads_three_times_as_old(patch: pytest.MonkeyPatch) -> None:
         pytest.param(
             7055, "bus", 5.8, _brake_on_bus_late, "INV-1", id="late brake 60FE", marks=pytest.mark.slow
         ),
-        # The way of a soft loop behind its ramp is known; a softer ramp is none.
+        # The way of a soft loop behind its ramp is known; a softer ramp is not.
         pytest.param(
             7149,
             "bus",

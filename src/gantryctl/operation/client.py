@@ -144,7 +144,7 @@ class AxisClient(Protocol):
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
-        stopped_as: what a motion says that ends by it.
+        stopped_as: how a motion has ended that `stop` ends.
     """
 
     machine: Machine

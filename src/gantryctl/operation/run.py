@@ -130,7 +130,7 @@ class AxisRun:
 
     @property
     def stopped_as(self) -> Ending:
-        """What a motion says that ends by `stop`."""
+        """How a motion has ended that `stop` ends."""
         return self._scans.stopped_as
 
     @stopped_as.setter

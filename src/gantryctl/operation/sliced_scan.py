@@ -27,7 +27,7 @@ class SlicedScan:
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
-        stopped_as: what a motion says that ends by it: a person, unless somebody knows better.
+        stopped_as: how a motion has ended that `stop` ends: by a person, unless the cause is known.
         observer: of the next slice; None for nobody.
     """
 

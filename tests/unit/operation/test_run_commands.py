@@ -118,7 +118,7 @@ def test_an_axis_without_torque_is_not_down_while_anything_moves(at_rest: bool) 
 
 
 @pytest.mark.parametrize("asked", [False, True])
-def test_a_run_whose_lines_nobody_reads_any_more_says_so(asked: bool) -> None:
+def test_a_run_whose_lines_nobody_reads_any_more_is_told_as_that(asked: bool) -> None:
     """Unless somebody had asked it to stop before."""
     run = AxisRun(IDEAL)
 

@@ -253,7 +253,7 @@ def test_a_quick_stop_as_the_drive_opens_its_brake_lets_the_drive_close_it_first
 def test_a_silence_as_the_drive_opens_its_brake_lets_the_drive_close_it_first(owned):
     """Nobody sees whether it has opened it: its own quick stop for the 150 ms of the brake and 200 ms, then torque off.
 
-    A crane was let go so: 0.13 deg/s until its brake had closed (seed 9042 of other axes on the bus).
+    Disabled at once, a crane moved with 0.13 deg/s until its brake had closed (seed 9042 of other axes on the bus).
     """
     rig = Rig(config=settings(brake_by_drive=owned, **HOLDS))
     rig.spoil = lambda drive: drive._replace(state=DriveState.SWITCHED_ON, brake_open=False)

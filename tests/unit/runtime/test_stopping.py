@@ -36,7 +36,7 @@ def holding() -> StopProgram:
     [
         (HELD, HELD._replace(lamp=True)),
         (HELD._replace(request=DriveRequest.QUICK_STOP), HELD._replace(request=DriveRequest.QUICK_STOP, lamp=True)),
-        # A speed of its own, or an open brake, is none of HOLD; nor is a target that was reached.
+        # HOLD has no speed, no open brake and no target that was reached.
         (HELD._replace(vel_cmd_rad_s=3.0, brake_open=True, in_position=True, at_rest=True), HELD._replace(lamp=True)),
         # The liars: torque off, and torque on a brake that is trusted.
         (HELD._replace(request=DriveRequest.DISABLE), OutputImage(DriveRequest.QUICK_STOP)),

@@ -154,7 +154,7 @@ def test_a_calibration_comes_back_beside_its_machine_and_the_one_that_was_there_
 
 @pytest.mark.parametrize("named", ["maps/of_today.toml", "../of_today.toml", "{absolute}/of_today.toml"])
 def test_a_calibration_comes_back_wherever_its_machine_file_names_it(root: Path, named: str) -> None:
-    """Beside it a file of the same name that is none of ours, and stays."""
+    """Beside it a file of the same name that does not belong to it, and stays."""
     configs, site = default_machine_path().parent, root.parent / "etc" / "site"
     named = named.format(absolute=root.parent / "far")
     machine, calibration = site / "of_today.toml", site / named
