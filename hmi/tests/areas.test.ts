@@ -4,6 +4,7 @@ import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 import Alarms from '../src/areas/Alarms.svelte';
 import Diagnosis from '../src/areas/Diagnosis.svelte';
 import Display from '../src/areas/Display.svelte';
+import Operation from '../src/areas/Operation.svelte';
 import { hold } from '../src/lib/hold.svelte';
 import { link } from '../src/lib/link.svelte';
 import { made, said } from '../src/lib/messages';
@@ -235,6 +236,34 @@ describe('a key on the screen', () => {
       expect(release).toHaveBeenCalledWith('released');
     }
     hold.direction = null;
+  });
+
+  test('that is not offered any more is not held: its button is told nothing then', () => {
+    const release = vi.spyOn(hold, 'release').mockReturnValue();
+    const props = { direction: 'forward' as const, told: 'x' };
+    show(HoldKey, { ...props, why: 'why_journal' as const }, {});
+    expect(release).not.toHaveBeenCalled();
+    hold.direction = 'reverse'; // the other key
+    flushSync();
+    expect(release).not.toHaveBeenCalled();
+    hold.direction = 'forward';
+    flushSync();
+    expect(release.mock.calls).toEqual([['withdrawn']]);
+    show(HoldKey, { ...props, why: 'why_no_stop' as const }, {});
+    expect(release.mock.calls).toEqual([['withdrawn'], ['unseen']]);
+    hold.direction = null;
+  });
+
+  test('that makes a step tells its whole length', () => {
+    const steps = (increment_deg: number | null): string[] => {
+      show(Operation, {}, { increment_deg });
+      const keys = document.querySelectorAll('.pair')[1]?.querySelectorAll('button') ?? [];
+      return [...keys].map((each) => each.textContent?.trim() ?? '');
+    };
+    expect(steps(0.125)).toEqual(['−0.125°', '+0.125°']);
+    expect(steps(0.004)).toEqual(['−0.004°', '+0.004°']);
+    expect(steps(1)).toEqual(['−1.00°', '+1.00°']);
+    expect(steps(null)).toEqual(['−–°', '+–°']);
   });
 });
 

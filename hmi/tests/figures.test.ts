@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { decimalsOf, moveTime, num, signed, speedText, typed } from '../src/lib/format';
+import { decimalsOf, moveTime, num, signed, speedText, typed, whole } from '../src/lib/format';
 import { History } from '../src/lib/history';
 
 test('a number has a real minus, no minus at zero, and a dash where it is not known', () => {
@@ -19,6 +19,16 @@ test('a number has a real minus, no minus at zero, and a dash where it is not kn
 
 test('a torque has two digits whatever the motor: none behind the point of 70 N m, three of 0.064', () => {
   expect([70, 257, 9.6, 0.64, 0.064, 0, null].map(decimalsOf)).toEqual([0, 0, 1, 2, 3, 0, 0]);
+});
+
+test('a figure is told with all its digits, at least two', () => {
+  expect([whole(0.125, 2), whole(1, 2), whole(-0.0005, 2), whole(12.34567891, 2), whole(null, 2)]).toEqual([
+    '0.125',
+    '1.00',
+    '−0.0005',
+    '12.345679',
+    '–',
+  ]);
 });
 
 test('a speed is shown in deg/s and r/min: 6 deg/s are 1 r/min', () => {

@@ -160,6 +160,27 @@ describe('what is shown', () => {
   });
 });
 
+test('a connection that ends late takes nothing from the next one', async () => {
+  const old = socket;
+  old.close = () => void (old.readyState = 2); // it waits for the other side
+  await link.logout();
+  await link.start();
+  socket = Socket.all.at(-1)!;
+  expect(socket).not.toBe(old);
+  socket.says(WELCOME);
+  frame({ pos_act_deg: 5 });
+  old.says({ type: 'status', frame: 'x', fresh: true, age_ms: 0, tags: { pos_act_deg: 99 } });
+  old.onclose({ code: 4401 });
+  expect([link.open, link.stale, link.session?.user, link.tags.pos_act_deg]).toEqual([
+    true,
+    false,
+    'anna',
+    5,
+  ]);
+  void link.send('stop', {});
+  expect(sent('stop')).toHaveLength(1);
+});
+
 describe('a command', () => {
   test('carries the mark of the newest frame and the epoch of the newest reply', async () => {
     void link.send('move', { target_deg: 1 });

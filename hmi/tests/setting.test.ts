@@ -90,6 +90,32 @@ describe('a setting', () => {
   });
 });
 
+test('a range is told in digits that are allowed: rounded to the inside where two decimals are not enough', () => {
+  // 0.1998 deg/s are 0.0333 r/min, which 0.03 and 0.033 are below; 1.6 deg/s are 0.26667 r/min, which 0.267 is above.
+  const range = (low: number, high: number, scale: number): string | undefined => {
+    if (shown) void unmount(shown);
+    const props = { label: 'x', tag: 'acc_setting_deg_s2', action: 'set_acceleration', unit: 'u' } as const;
+    shown = mount(Setting, { target: document.body, props: { ...props, scale, decimals: 3, low, high } });
+    flushSync();
+    return document.querySelector('small')?.textContent?.split(' u ')[0]?.trim();
+  };
+  expect(range(0.1998, 1.6, 6)).toBe('0.034 … 0.266');
+  expect(range(0.02497, 0.2497, 1)).toBe('0.025 … 0.249');
+  expect(range(0.6, 6, 6)).toBe('0.10 … 1.00');
+  expect(range(0.1998, 1.998, 6)).toBe('0.034 … 0.333');
+});
+
+test('a refusal goes when another value is typed', async () => {
+  vi.spyOn(link, 'send').mockResolvedValue({ ...DONE, ok: false, text: 'off' });
+  const { field, button, why } = setting();
+  type(field, '0.25');
+  button.click();
+  await vi.waitFor(() => expect(why()).toContain('No connection'));
+  link.stale = false;
+  type(field, '9');
+  expect(why()).toBe('Outside the allowed range.');
+});
+
 describe('motion and Stop', () => {
   test('what starts motion is not offered while Stop is out of sight; what stops always is', () => {
     sight.look(); // no Stop in this document

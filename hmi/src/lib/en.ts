@@ -192,6 +192,7 @@ export const en = {
   ended_stale: 'Data went stale: stopped. Press again.',
   ended_late: 'The picture is too old: not started. Look, then press again.',
   ended_refused: 'Refused by the controller.',
+  ended_withdrawn: 'The key was no longer allowed: stopped. Press again.',
   ended_lost: 'The controller heard nothing of the key in time: stopped. Press again.',
   speed_cap: 'Without enabling switch',
   step_forward: '+{deg}°',

@@ -5,6 +5,13 @@ export function num(value: number | null | undefined, decimals: number): string 
   return (Number(text) === 0 ? text.replace('-', '') : text).replace('-', '−');
 }
 
+/** A number with all digits that it has, but at least so many decimals and at most six. */
+export function whole(value: number | null | undefined, least: number): string {
+  const text = num(value, 6);
+  const end = text.indexOf('.') + 1 + least;
+  return value == null ? text : text.slice(0, end) + text.slice(end).replace(/0+$/, '');
+}
+
 /** With a sign, for quantities that have a direction. */
 export function signed(value: number | null | undefined, decimals: number): string {
   const text = num(value, decimals);

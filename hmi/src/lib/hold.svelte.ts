@@ -9,7 +9,8 @@ export type Direction = Commands['jog']['direction'];
 /** A lease that the controller has not shown by now will not live any more. */
 const GRACE_MS = 400;
 
-type Ending = '' | 'released' | 'both' | 'left' | 'unseen' | 'stale' | 'late' | 'refused' | 'lost';
+type Ending =
+  '' | 'released' | 'both' | 'left' | 'unseen' | 'stale' | 'late' | 'refused' | 'lost' | 'withdrawn';
 
 class Hold {
   direction = $state<Direction | null>(null);

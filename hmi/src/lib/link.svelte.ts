@@ -119,8 +119,14 @@ class Link {
     const socket = new WebSocket(`${scheme}//${location.host}/api/v1/socket`);
     this.#socket = socket;
     this.#seq = 0;
-    socket.onmessage = (event) => this.#receive(JSON.parse(event.data as string) as Welcome | Status | Reply);
-    socket.onclose = (event) => this.#closed(event.code);
+    // One that is still closing while the next is open must not take its place.
+    socket.onmessage = (event) => {
+      if (socket === this.#socket)
+        this.#receive(JSON.parse(event.data as string) as Welcome | Status | Reply);
+    };
+    socket.onclose = (event) => {
+      if (socket === this.#socket) this.#closed(event.code);
+    };
   }
 
   #closed(code: number): void {

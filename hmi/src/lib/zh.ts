@@ -185,6 +185,7 @@ export const zh: Record<Key, string> = {
   ended_stale: '数据过期：已停止。请重新按下。',
   ended_late: '画面过旧：未启动。请查看后重新按下。',
   ended_refused: '被控制器拒绝。',
+  ended_withdrawn: '按键不再被允许：已停止。请重新按下。',
   ended_lost: '控制器未及时收到按键信号：已停止。请重新按下。',
   speed_cap: '无使能开关时',
   step_forward: '+{deg}°',

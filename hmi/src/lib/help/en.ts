@@ -15,7 +15,7 @@ export const help = {
     'Language, theme and alarm sound belong to this browser alone. The table says which role may do what.',
   ],
   alarms: [
-    'Active alarms, the newest first; "first out" is the one that stopped the axis, others follow from it.',
+    'Active alarms: "came first" is the one that stopped the axis and stands on top, others follow from it; then the newest first.',
     'Acknowledge says that you have seen it, and silences the sound. Reset clears what is gone; it never switches power on.',
     'The shift log keeps lines with name and time in the journal. "Here now" shows who has this page open, and who has control.',
   ],
