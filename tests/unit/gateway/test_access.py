@@ -206,7 +206,7 @@ def test_a_connection_that_ends_leaves_no_task_behind(access: Access) -> None:
         while sent < 2:
             await asyncio.sleep(0)
         (client,) = access.hub.clients()
-        client.answer({"seq": 1})
+        client.answer({"seq": 1, "epoch": None})
         while sent < 3:
             await asyncio.sleep(0)
         ended.set()

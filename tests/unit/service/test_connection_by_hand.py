@@ -42,14 +42,15 @@ class Desk:
             found.append(messages.from_record(record))
         return found
 
-    def answers(self, client: Client, *numbers: int) -> None:
+    def answers(self, client: Client, *numbers: int, epoch: int = 4) -> None:
         for seq in numbers:
-            record = compact([client.who.client, reply_to(seq, epoch=4)])
+            record = compact([client.who.client, reply_to(seq, epoch=epoch)])
             assert self.memory.replies[Source.WEB].put(record.encode())
         self.hub.pass_replies()
 
-    def publish(self, *, issued_ms: int = 0, **slow: Any) -> None:
-        publish_fast(self.memory.fast, {**dict.fromkeys(FAST, 0.0), "issued_ms": float(issued_ms)}, 5)
+    def publish(self, *, issued_ms: int = 0, epoch: int = 0, **slow: Any) -> None:
+        fast = {**dict.fromkeys(FAST, 0.0), "issued_ms": float(issued_ms), "epoch": float(epoch)}
+        publish_fast(self.memory.fast, fast, 5)
         if slow:
             publish_json(self.memory.slow, slow)
 
@@ -220,6 +221,55 @@ def test_only_the_screen_that_has_control_gets_quick_frames_while_it_holds_a_key
     say(client, 2, type="release", lease=LEASE)
     assert not client.holds_key(desk.now_s)
     assert desk.look(0.01) == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(
+    ("behind", "shown"),
+    [(1, False), (9, False), (0, True), (-1, True), (-7, True), (2**39, True), (-(2**39), True)],
+    ids=[
+        "made before it",
+        "long before",
+        "of its scan",
+        "a stop since",
+        "more since",
+        "anew, lower",
+        "anew, higher",
+    ],
+)
+def test_no_frame_that_was_made_before_a_reply_is_sent_behind_it(
+    desk: Desk, behind: int, shown: bool
+) -> None:
+    """A command that follows a reply at once would name the epoch of that frame: one of 150 was refused so, at load."""
+    client, other = (desk.hub.connect(user, Role.OPERATOR, "console") for user in ("anna", "ben"))
+    replied = 2**39 + 300
+    epoch = replied - behind
+    say(client, 7)
+    desk.publish(epoch=epoch)
+    desk.look(0.05)
+    desk.answers(client, 7, epoch=replied)
+    frames = [json.loads(text) for text in client.outgoing()]
+    assert [frame["seq"] for frame in frames if frame["type"] == "reply"] == [7]
+    assert [frame["tags"]["epoch"] for frame in frames if frame["type"] == "status"] == [epoch] * shown
+    # It has been told nothing yet, so the frame is the newest that it knows.
+    assert [frame["tags"]["epoch"] for frame in sent(other, "status")] == [epoch]
+    desk.publish(epoch=replied + 10, mode="continuous")
+    desk.look(0.05)
+    (frame,) = sent(client, "status")
+    # What is sent on change was in the frame that it did not get.
+    assert (frame["tags"]["epoch"], frame["tags"]["mode"]) == (replied + 10, "continuous")
+
+
+def test_a_controller_that_ended_behind_its_reply_is_shown_as_silent(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = desk.hub.connect("anna", Role.OPERATOR, "console")
+    say(client, 7)
+    desk.publish(epoch=3)
+    desk.answers(client, 7)
+    monkeypatch.setattr(module.limits, "STALE_S", 0.0)
+    desk.look(0.05)
+    (frame,) = sent(client, "status")
+    assert (frame["fresh"], frame["tags"]["epoch"]) == (False, 3)
 
 
 def test_the_welcome_says_what_it_counts_by(desk: Desk) -> None:

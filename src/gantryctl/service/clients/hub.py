@@ -36,6 +36,9 @@ _QUICK_S: Final = 0.002
 _OUT_MAX: Final = 200
 # Without a press or renewal for this long a connection holds no key, and gets frames like all others.
 _KEY_S: Final = 0.25
+# Epochs rise one by one within a run of the controller, and a run begins at a random number of 40 bits: a snapshot that
+# is less than this behind a reply was made before it. The snapshot is 10 ms old at most: some ten epochs at 1 ms.
+_EPOCHS_BEHIND: Final = 256
 
 
 class _Asked(NamedTuple):
@@ -68,6 +71,7 @@ class Client:
         self._asked: dict[int, _Asked] = {}
         self._due = True
         self._sent_slow = -1
+        self._epoch = 0
         self._key_s = -math.inf
         self._all = limits.RateLimiter(limits.FLOOD_PER_S, now=hub.now)
         self._commands = limits.RateLimiter(limits.COMMANDS_PER_S, now=hub.now)
@@ -134,6 +138,7 @@ class Client:
     def answer(self, reply: dict[str, Any]) -> None:
         """Queue a reply."""
         self._asked.pop(reply["seq"], None)
+        self._epoch = reply["epoch"] or self._epoch
         if len(self._replies) < _OUT_MAX:
             self._replies.append(compact(reply))
         self.wake.set()
@@ -149,12 +154,15 @@ class Client:
         return bool(self._asked)
 
     def outgoing(self) -> list[str]:
-        """Take everything to send now: replies in their order, then the newest status frame if it is new."""
+        """Take everything to send now: replies in their order, then the newest status frame if it is new.
+
+        A frame that was made before a reply is not sent behind it: the client would name its epoch, and be refused.
+        """
         self.wake.clear()
         # A slow reader loses status frames, never a reply and never the newest frame.
         texts = list(self._replies)
         self._replies.clear()
-        if self._due:
+        if self._due and not self._hub.is_before(self._epoch):
             self._due = False
             whole = self._hub.slow_version != self._sent_slow
             self._sent_slow = self._hub.slow_version
@@ -301,6 +309,10 @@ class Hub:
     def fresh(self) -> bool:
         """Whether the controller is alive."""
         return self._age_ms <= limits.STALE_S * 1e3
+
+    def is_before(self, epoch: int) -> bool:
+        """Whether the newest snapshot of a live controller was made before an epoch that it has told since."""
+        return self.fresh and 0 < epoch - (self._fast.get("epoch") or 0) < _EPOCHS_BEHIND
 
     def status(self, *, whole: bool = True) -> dict[str, Any]:
         """A `status` message without the mark of a connection."""
