@@ -17,6 +17,7 @@ from gantryctl.engineering.faults.injection import (
     parse_injection,
 )
 from gantryctl.engineering.faults.kinds.kind import Place
+from gantryctl.engineering.faults.run import fault_machine
 from gantryctl.engineering.faults.seams import KINDS
 from gantryctl.errors import UsageError
 from support.frames_left import leaves_frames
@@ -115,3 +116,24 @@ def test_a_number_of_the_catalogue_is_used_once() -> None:
     assert fault_case("a2").number == "A2"
     with pytest.raises(UsageError, match="there is no fault 'Z9'"):
         fault_case("Z9")
+
+
+@pytest.mark.parametrize("beside", [False, True], ids=["drive", "nodes"])
+def test_every_input_that_a_row_opens_is_wired_on_the_bus(beside: bool) -> None:
+    """Unwired, the second channel of the emergency stop took the torque and nothing told it (row G10)."""
+    can = fault_machine(None, "bus", 1.0, 4.0, beside=beside).can
+    opened = {
+        # Limit switches are wired by their side.
+        str(each.values["name"]).replace("minus_ok", "minus").replace("plus_ok", "plus")
+        for case in CATALOGUE
+        if "bus" in case.buses and (beside or not case.beside)
+        for each in case.injections
+        if (each.where, each.kind) == (Place.INPUT, "off")
+    }
+    assert opened >= {"estop_ok", "estop_ok_2", "collision_ok", "door_ok"}
+    for name in opened:
+        # What the node reads is read there; without one, by the drive.
+        bits = [getattr(can.inputs, name)] + ([getattr(can.io.inputs, name)] if beside else [])
+        assert max(bits) >= 0, name
+    if beside:
+        assert can.io.inputs.estop_ok_2 == 7  # the first behind the seven of the file

@@ -183,8 +183,12 @@ def fault_machine(
         # Three quarters of a scan at most.
         answer_ms = min(machine.can.answer_ms, 0.5 * scan_ms)
         values |= {"can.commissioning_required": False, "can.answer_ms": answer_ms}
-        if not beside:
-            # Inputs that not every machine has: the bits of the virtual drive.
+        # Inputs that not every machine has: bits of the I/O node, or those of the virtual drive.
+        if beside:
+            io = machine.can.io
+            if io.node and max(machine.can.inputs.estop_ok_2, io.inputs.estop_ok_2) < 0:
+                values["can.io.inputs.estop_ok_2"] = 1 + max(io.inputs.model_dump().values())
+        else:
             values |= {
                 "brake.owner": brake_owner,
                 "can.inputs.collision_ok": 20,
