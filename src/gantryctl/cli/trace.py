@@ -251,6 +251,7 @@ def compare(
 
     Both are put on one time axis, that of A. In degrees. The picture shows B minus A.
     """
+    from gantryctl.errors import UsageError
     from gantryctl.trace.comparison import difference, differences, motion_begins_s
     from gantryctl.trace.figure import check_picture, chosen, draw, save
     from gantryctl.trace.reader import read_trace
@@ -258,6 +259,8 @@ def compare(
     if out is not None:
         need("matplotlib")
         check_picture(out)
+    elif columns is not None:
+        raise UsageError("--columns: is for the picture; name its file with --out")
     a, b = read_trace(first), read_trace(second)
     begins = [motion_begins_s(trace) if align == "motion" else None for trace in (a, b)]
     # A recording without a motion has its first row instead.

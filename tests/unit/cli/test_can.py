@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.drives.canopen.bus.sdo import SdoClient
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.effective import to_toml
 from support.command_line import cli
@@ -41,6 +42,15 @@ def test_status_and_diff_only_look() -> None:
     diff = cli("drive", "diff", "--config", CONFIG, "--json")
     assert diff.code == 1  # as it comes from the factory
     assert {row["verdict"] for row in diff.json} >= {"ok", "differs"}
+
+
+def test_a_drive_without_the_mode_on_its_bus_is_shown_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = SdoClient.optional
+    monkeypatch.setattr(
+        SdoClient, "optional", lambda sdo, index, *more: None if index == 0x6061 else there(sdo, index, *more)
+    )
+    told = cli("drive", "status", "--config", CONFIG).out.splitlines()
+    assert "  mode      unknown: the drive does not give 6061" in told
 
 
 def test_a_backup_goes_back_where_it_came_from(tmp_path: Path) -> None:

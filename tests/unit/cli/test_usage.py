@@ -10,6 +10,7 @@ import pytest
 
 from gantryctl.cli.main import COMMANDS
 from gantryctl.cli.main import cli as root
+from gantryctl.machine import configs_folder
 from support.command_line import cli, done, machine_file, plant_truth, refused
 
 
@@ -185,6 +186,28 @@ def test_every_wrong_field_of_a_machine_file_gets_its_line(tmp_path: Path) -> No
 @pytest.mark.parametrize("given", [("--at", "30"), ("--torque", "5")])
 def test_an_analysis_without_a_measurement_is_at_no_angle(given: tuple[str, str]) -> None:
     assert f"{given[0]}: is for --measure" in refused("analyse", *given)
+
+
+def test_where_no_file_tells_of_the_structure_nobody_knows_the_isocentre(tmp_path: Path) -> None:
+    """That of the reference gantry was told for a telescope."""
+    file = machine_file(tmp_path / "m.toml", {})
+    file.write_text(file.read_text("utf-8").partition("[plant.structure]")[0], "utf-8")
+    assert "[plant.structure]: is missing" in refused("accuracy", "isocentre", "--config", file)
+    dish = configs_folder() / "azimuth_dish.toml"
+    assert "machine file of azimuth_dish" in refused("accuracy", "isocentre", "--config", dish)
+
+
+@pytest.mark.parametrize("given", [("--instrument", "tcp:127.0.0.1:9"), ("--certificate", "K 17")])
+def test_an_instrument_that_nothing_would_ask_is_refused(given: tuple[str, str]) -> None:
+    answer = refused("compare", "paper", "improved", *given)
+    assert f"{given[0]}: is for a machine on a bus" in answer
+
+
+def test_columns_of_a_picture_that_nobody_asked_for_are_refused(tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("time_s,pos_act_deg\n0,1\n1,2\n", "utf-8")
+    given = ("trace", "compare", tmp_path / "a.csv", tmp_path / "b.csv", "--columns", "pos_act_deg")
+    assert "name its file with --out" in refused(*given)
 
 
 def test_the_search_for_a_quick_stop_takes_no_speed_and_writes_no_report(tmp_path: Path) -> None:

@@ -71,7 +71,8 @@ def status(config_file: Path | None, as_json: bool) -> int:
     click.echo(
         f"  state     {decode_statusword(word).name.lower().replace('_', ' ')} (statusword {word:04X}h)"
     )
-    click.echo(f"  mode      {found['mode']} (9 = cyclic synchronous velocity)")
+    mode = f"{found['mode']} (9 = cyclic synchronous velocity)"
+    click.echo(f"  mode      {'unknown: the drive does not give 6061' if found['mode'] is None else mode}")
     click.echo(f"  error     {found['error'] or '-'}")
     click.echo(f"  position  {found['position_increments']} increments")
     for line in () if last is None else (f"until {last.ended}", *last.lines):

@@ -125,6 +125,9 @@ def compare(
                 raise UsageError(f"{option}: its plants are simulated, a machine on a bus is the one it is")
         stated = certificate_of(instrument, certificate)
         return _on_bus(paper, improved, instrument, stated, seed, folder, made, yes=yes, as_json=as_json)
+    for option, named in (("--instrument", instrument != SIMULATED), ("--certificate", certificate)):
+        if named:
+            raise UsageError(f"{option}: is for a machine on a bus; simulated ones have a simulated tracker")
     if stale_days:
         return _in_use(improved, stale_days, drift, on_top_of, folder, as_json=as_json)
     if drift is not None:

@@ -80,7 +80,16 @@ def angles_of(machine: Machine, step_deg: float) -> FloatArray:
 
 
 def isocentre(machine: Machine, angles_deg: FloatArray) -> Isocentre:
-    """The isocentre at these angles, at least three of different direction."""
+    """The isocentre at these angles, at least three of different direction.
+
+    Raises:
+        UsageError: the machine file says nothing of the structure; that of the reference gantry would be told.
+    """
+    if "structure" not in machine.plant.model_fields_set:
+        raise UsageError(
+            f"[plant.structure]: is missing in the machine file of {machine.name}, and nobody knows where its "
+            "isocentre goes: write weights, stiffnesses and tracks of this machine there"
+        )
     s = machine.plant.structure
     angle = np.deg2rad(angles_deg)
     zero = np.zeros_like(angle)

@@ -95,7 +95,8 @@ def _motion(sheet: Sheet) -> Iterator[str]:
             f"[motion] acc_deg_s2 = {m.acc_deg_s2:g} deg/s2: must be at most {sizing:.4g} deg/s2, the acceleration "
             f"that sizes the motor: {m.speed_max_r_min:g} r/min in sizing_time_s = {m.sizing_time_s:g} s"
         )
-    if speed**2 / m.acc_deg_s2 > travel:
+    # An axis without ends turns on until it has its speed.
+    if sheet.range.kind != "modulo" and speed**2 / m.acc_deg_s2 > travel:
         yield (
             f"[motion] speed_max_r_min = {m.speed_max_r_min:g} r/min: is never reached: with acc_deg_s2 = "
             f"{m.acc_deg_s2:g} deg/s2 it takes {speed**2 / m.acc_deg_s2:.4g} deg to reach and leave it, the travel "

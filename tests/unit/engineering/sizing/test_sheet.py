@@ -56,6 +56,10 @@ def test_an_impossible_sheet_is_refused_in_one_line(changed_sheet, changes, mess
     assert all(line.startswith(f"{path}: [") and "\n" not in line for line in refused.value.problems)
 
 
+def test_an_axis_without_ends_turns_until_it_has_its_speed(changed_sheet):
+    load_sheet(changed_sheet({"motion.acc_deg_s2": 0.05, "range.pos_max_deg": '180.0\nkind = "modulo"'}))
+
+
 def test_missing_and_unknown_keys_are_named(tmp_path):
     path = tmp_path / "sheet.toml"
     path.write_text(
