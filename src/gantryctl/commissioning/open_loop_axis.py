@@ -10,6 +10,7 @@ from typing import Final
 
 from gantryctl.commissioning.pictures import MotionSample
 from gantryctl.commissioning.results import Context
+from gantryctl.commissioning.room import why_no_room
 from gantryctl.commissioning.watch import Halt, Seen, StepStopped, StepWatch
 from gantryctl.drives.canopen.bus.node import LOST
 from gantryctl.drives.canopen.cia402 import ENERGISED, FOLLOWS_COMMAND
@@ -24,6 +25,8 @@ from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
 
 ENABLE: Final = DriveRequest.ENABLE
+_TORQUE: Final = (ENABLE, DriveRequest.QUICK_STOP)
+_MINUS, _PLUS = 1, 2
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _ENABLE_S: Final = 2.0
 # A command acts at the next SYNC and shows at the one after (decision 0012); two scans more are granted.
@@ -89,6 +92,7 @@ class OpenLoopAxis:
         self._way_deg = self._begun_deg = 0.0
         self._off_scans = self._stuck_scans = 0
         self._passed_s = self.period_s
+        self._limits_closed = _limits_closed(feedback)
 
     @property
     def feedback(self) -> DriveFeedback:
@@ -130,7 +134,8 @@ class OpenLoopAxis:
         """Send one command and return the feedback of the next SYNC.
 
         Raises:
-            AlarmStop: the leash is at its end, the gantry does not follow, or something is wrong with the connection.
+            AlarmStop: the leash is at its end, the gantry does not follow, a limit switch has opened, or something is
+            wrong with the connection.
             StepStopped: a person has stopped the step.
         """
         self.heed()
@@ -140,6 +145,10 @@ class OpenLoopAxis:
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
             self.stop_for(f"the axis moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed")
+        # The program, whose interlocks they are, does not run; of a drive that is off a hand tries them.
+        opened = self._limits_closed & ~_limits_closed(self.feedback)
+        if opened and request in _TORQUE:
+            self.stop_for(f"the limit switch at the {'plus' if opened & _PLUS else 'minus'} end has opened")
         link = self.feedback.link
         # As in operation: a telegram that is missing is bridged for 30 ms, and jitter is a warning.
         oldest = max(self.feedback.age_scans, self.feedback.inputs_age_scans)
@@ -334,6 +343,11 @@ class OpenLoopAxis:
         raise DeviceError(f"the drive's fault does not go away: {self.feedback.error_code:04X}h")
 
 
+def _limits_closed(seen: DriveFeedback) -> int:
+    """Limit switches that are closed, or not wired."""
+    return _MINUS * seen.inputs.limit_minus_ok | _PLUS * seen.inputs.limit_plus_ok
+
+
 def state_name(state: DriveState) -> str:
     """State of a drive for people."""
     return state.name.lower().replace("_", " ")
@@ -350,6 +364,7 @@ def open_loop_axis(
 
     Raises:
         CommandRefused: its parameters forbid enabling.
+        StepStopped: the axis stands so near to an end of its way that the step could reach it.
     """
     machine, store = c.machine, c.store
     opened = open_machine(machine, store)
@@ -369,6 +384,9 @@ def open_loop_axis(
     try:
         for reason in bus_reasons(machine, store, drive, commissioning=True):
             raise CommandRefused(reason.text)
+        # Nothing was tried, so that nothing has failed: what was proven before stands.
+        if near := why_no_room(machine, opened.reading, leash_deg, opened.retained.doubted_by):
+            raise StepStopped(near)
         with keeps_time() if machine.paced_by_clock else nullcontext():
             yield axis
     finally:

@@ -20,7 +20,7 @@ LISTENER_S: Final = 0.5
 
 
 class StepStopped(GantryctlError):
-    """A person has ended a step: it has shown nothing, and what was shown before stands."""
+    """A step has shown nothing, and what was shown before stands: a person has ended it, or it had no room to begin."""
 
     exit_code = 3
 

@@ -11,9 +11,11 @@ from types import SimpleNamespace
 import pytest
 
 from gantryctl.commissioning import open_loop_axis
+from gantryctl.commissioning.watch import StepStopped
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.image import DriveRequest
 from gantryctl.machine import with_values
+from gantryctl.operation.home_reference import RestVerdict
 from gantryctl.runtime import Retained
 from unit.commissioning.hand_drive import (
     COUNTS_PER_DEG,
@@ -35,10 +37,10 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands for a machine that was opened: why it may not be enabled, and what it keeps at the end."""
     drive = HandDrive()
     at = SimpleNamespace(drive=drive, reasons=[], kept=[])
-    found = SimpleNamespace(
+    at.found = found = SimpleNamespace(
         drive=drive,
         feedback=drive.read(),
-        reading=SimpleNamespace(angle_deg=None),
+        reading=SimpleNamespace(angle_deg=0.0, verdict=RestVerdict.OK),
         retained=Retained("m", "h"),
         scale=SimpleNamespace(range_counts=2**20, axis_turn_counts=None),
     )
@@ -74,6 +76,24 @@ def test_a_drive_whose_parameters_were_refused_is_moved_by_no_step(opened: Simpl
     with pytest.raises(CommandRefused, match="607F:00 is 1000"):
         step.__enter__()
     assert all(output.request is DriveRequest.DISABLE for output in opened.drive.wrote)
+
+
+@pytest.mark.parametrize("doubted_by", ["", "ENC-07"])
+def test_an_axis_without_room_is_not_enabled_and_nothing_has_failed(
+    opened: SimpleNamespace, doubted_by: str
+) -> None:
+    """At 175 deg of 180 a step on a leash of 8 deg could come to the limit switch at 182; so could one in doubt."""
+    opened.found.reading.angle_deg = 0.0 if doubted_by else 175.0
+    opened.found.retained = replace(opened.found.retained, doubted_by=doubted_by)
+    step = open_loop_axis.open_loop_axis(context(), 8.0)
+    with pytest.raises(StepStopped, match="in doubt" if doubted_by else "at 182 deg"):
+        step.__enter__()
+    assert all(output.request is DriveRequest.DISABLE for output in opened.drive.wrote)
+    # Left off, with its rest position.
+    assert opened.drive.wrote
+    assert len(opened.kept) == 1
+    with open_loop_axis.open_loop_axis(context(), 0.1):  # a step that stands
+        pass
 
 
 @pytest.mark.parametrize(("turned", "kept"), [(2**20 + 5.0, 5), (-3.0, 2**20 - 3)])

@@ -11,6 +11,7 @@ from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, state_name
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import Machine
 from gantryctl.machine.derived import rigid_stop
+from gantryctl.machine.places import reach_deg
 from gantryctl.machine.rules.reaction import REACTION_S, permitted_speed_deg_s
 
 # A command acts at the next SYNC and shows at the one after; two scans more are granted (decision 0012).
@@ -26,6 +27,8 @@ _LEAST_SAMPLES: Final = 3
 _ACC_DEG_S2: Final = 1.0
 CRUISE_S: Final = 0.5
 _WAY_DEG: Final = 10.0
+# Of half of the travel: begun in its middle, a trial stop stays within it.
+_TRAVEL_PART: Final = 0.8
 
 
 class QuickStop(NamedTuple):
@@ -48,10 +51,15 @@ def trial_acc_deg_s2(machine: Machine) -> float:
 
 
 def trial_speed_deg_s(machine: Machine) -> float:
-    """Highest speed of a trial stop: that of the axis, or the one that is reached, held and stopped within 10 deg."""
+    """Highest speed of a trial stop: that of the axis, or the one that is reached, held and stopped within 10 deg.
+
+    Of a short travel within 0.8 of its half.
+    """
+    low, high = reach_deg(machine)
+    way_deg = min(_WAY_DEG, 0.5 * _TRAVEL_PART * (high - low))
     ramps = 0.5 / trial_acc_deg_s2(machine) + 0.5 / machine.virtual_axis.quick_dec_deg_s2
     held_s = CRUISE_S + REACTION_S
-    fits = (math.sqrt(held_s * held_s + 4.0 * ramps * _WAY_DEG) - held_s) / (2.0 * ramps)
+    fits = (math.sqrt(held_s * held_s + 4.0 * ramps * way_deg) - held_s) / (2.0 * ramps)
     return min(machine.speed.setting_max_deg_s, permitted_speed_deg_s(fits))
 
 
