@@ -194,6 +194,10 @@ class AxisRun:
         """
         if self._powered:
             return
+        # One that was refused or has failed has left its level: power wants a new edge.
+        if self.operator.command.power:
+            self._scans.command(power=False)
+            self.engine.step()
         self._powered = self._unwatched = True
         self._memory.power_ups += 1
         self._memory.forget_rest()
@@ -203,10 +207,11 @@ class AxisRun:
         self._scans.until(
             lambda: self.axis.state is AxisState.STANDSTILL or self._power_refused(refusals), self._power_s
         )
+        self._powered = self.axis.state is AxisState.STANDSTILL
         self._raise_alarm()
         if self._power_refused(refusals):
             require(self.axis.refusal)
-        if self.axis.state is not AxisState.STANDSTILL:
+        if not self._powered:
             raise AlarmStop(
                 f"{Code.SYS_10} STOP · power-up did not end within {self._power_s:g} s, "
                 f"the axis is {state_words(self.axis.state)} · "
@@ -383,8 +388,9 @@ class AxisRun:
         begin, refusals = self._not_begun(), self.axis.refusal_count
         self._scans.command(forward=forward, reverse=not forward)
         self._scans.until(lambda: self.axis.at_rest, seconds, held=True)
-        self._raise_refusal(refusals)
+        # Whatever has ended it: a key that stays down would begin nothing when it is pressed again.
         self._scans.command(forward=False, reverse=False)
+        self._raise_refusal(refusals)
         return self._finished(begin)._replace(settled_s=None, asked_deg_s=None)
 
     def test_brake(self) -> BrakeTestReport:

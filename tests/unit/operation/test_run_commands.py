@@ -11,7 +11,7 @@ import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
-from gantryctl.image import Direction, InputImage
+from gantryctl.image import DigitalInputs, Direction, InputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.operation import run as run_module
 from gantryctl.operation.client import Ending, MotionReport, Snapshot, Stop
@@ -375,6 +375,39 @@ def test_a_refusal_of_power_is_of_the_power_up_that_it_refused() -> None:
     run.power_down()
     run.drive.faults.mains_ready = True
     assert run.move(0.5, 6.0).done
+    run.close("done")
+
+
+def test_a_power_up_that_was_refused_is_asked_for_anew_by_the_next_move() -> None:
+    """Whoever has the mains back need not know that power was asked for before; nothing comes on by itself."""
+    run = AxisRun(IDEAL)
+    read = run.drive.read
+    run.drive.read = lambda: read()._replace(inputs=DigitalInputs(mains_ready=False))  # type: ignore[method-assign]
+    with pytest.raises(CommandRefused, match="mains are not ready"):
+        run.move(0.5, 6.0)
+    run.drive.read = read  # type: ignore[method-assign]
+    run.engine.run_for(1.0)
+    assert run.axis.is_off
+    assert run.move(0.5, 6.0).done
+    assert run.angle_deg == approx(0.5, abs=0.005)
+    run.close("done")
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_a_key_that_was_refused_is_let_go_and_works_again(forward: bool) -> None:
+    """6 deg/s by hand without the enabling switch are refused; with it a second at 0.39 deg/s2 goes 0.2 deg."""
+    run = AxisRun(IDEAL)
+    read = run.drive.read
+    run.power_up()
+    run.drive.read = lambda: read()._replace(inputs=DigitalInputs(enabling_switch=False))  # type: ignore[method-assign]
+    with pytest.raises(CommandRefused, match="enabling switch"):
+        run.jog(forward, 6.0, 1.0)
+    assert not run.operator.command.forward
+    assert not run.operator.command.reverse
+    run.drive.read = read  # type: ignore[method-assign]
+    report = run.jog(forward, 6.0, 1.0)
+    assert report.ending is Ending.DONE
+    assert 0.2 < (report.end_deg if forward else -report.end_deg) < 0.3
     run.close("done")
 
 
