@@ -49,11 +49,12 @@ def stretch_around(
 
 
 def _near(pos_rad: float, no_go_rad: tuple[Sector, ...], *, endless: bool) -> list[Sector]:
-    """Sectors of a linear axis as they are; of a modulo axis those of this turn and of the next."""
+    """Sectors of a linear axis as they are; of a modulo axis those of this turn, the one before and the next."""
     if not endless:
         return list(no_go_rad)
     near = []
     for begin, end in no_go_rad:
         turns = math.floor((pos_rad - begin) / math.tau)
-        near += [(begin + k * math.tau, end + k * math.tau) for k in (turns, turns + 1)]
+        # Of an axis in a sector, nearer to its begin, the one before is the end of the way back.
+        near += [(begin + k * math.tau, end + k * math.tau) for k in (turns - 1, turns, turns + 1)]
     return near

@@ -227,7 +227,7 @@ def test_a_reaction_is_never_weaker_than_the_table():
 def test_history_is_bounded():
     log = AlarmLog()
     for _ in range(2000):
-        log.note(Code.LIM_01, measured=180.0)
+        log.note(Code.LIM_01, measured=180.0, end=Words.END_OF_TRAVEL)
     assert len(log.history) == 200
     assert not log.active
 

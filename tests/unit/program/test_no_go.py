@@ -9,13 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gantryctl.image import Mode
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program.axis.command_checks import check_direction, check_target
+from gantryctl.program.axis.parameters import Parameter, read_bool_parameter, read_parameter
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.settings import TravelSettings
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import travel_settings
 from unit.program.parts import BOTH, Parts
+from unit.program.rig import Rig, press, settings
 
 LINEAR = travel_settings(with_values(default_machine(), {"axis.no_go_deg": ((-120.0, -60.0), (60.0, 120.0))}))
 # Of a modulo axis: one sector over the beginning of its turn.
@@ -23,6 +26,8 @@ ENDLESS = replace(
     LINEAR,
     pos_min_rad=-math.inf,
     pos_max_rad=math.inf,
+    over_travel_min_rad=-math.inf,
+    over_travel_max_rad=math.inf,
     turn_from_rad=0.0,
     no_go_rad=((rad(350.0), rad(370.0)),),
 )
@@ -173,3 +178,68 @@ def test_a_sector_nearer_to_the_end_of_travel_than_its_clearance_bounds(way: flo
     )
     low, high = reach(travel, 0.0)
     assert (high if way > 0.0 else low) == pytest.approx(way * (begin_deg - 0.1))
+
+
+@pytest.mark.parametrize(
+    ("travel", "at_deg", "forward", "text"),
+    [
+        (LINEAR, 58.0, True, "stopped at 59.90 deg, before the no-go sector 60.00 to 120.00 deg"),
+        (LINEAR, -58.0, False, "stopped at -59.90 deg, before the no-go sector -120.00 to -60.00 deg"),
+        # Behind the last of them the travel ends.
+        (LINEAR, 178.0, True, "stopped at 180.00 deg, the end of travel"),
+        (LINEAR, -178.0, False, "stopped at -180.00 deg, the end of travel"),
+        # An axis without ends has no end of travel: 350 to 370 deg, read as 350 to 10.
+        (ENDLESS, 12.0, False, "stopped at 10.10 deg, before the no-go sector 350.00 to 10.00 deg"),
+        (ENDLESS, 348.0, True, "stopped at 349.90 deg, before the no-go sector 350.00 to 10.00 deg"),
+    ],
+)
+def test_a_key_that_is_held_is_told_what_has_ended_its_motion(
+    travel: TravelSettings, at_deg: float, forward: bool, text: str
+) -> None:
+    """With 0.1 deg of clearance; a degree at 6 deg/s, and the ramp."""
+    travel = replace(travel, no_go_clearance_rad=rad(0.1))
+    rig = Rig(at_deg=at_deg, config=replace(settings(), travel=travel))
+    rig.power_up()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    press(rig, forward=forward, reverse=not forward)
+    rig.hold_key(4.0)
+    assert rig.program.jog.at_limit
+    assert rig.axis.alarms.history[-1].measured == text
+
+
+@pytest.mark.parametrize(
+    ("travel", "limits"), [(LINEAR, True), (ENDLESS, True), (replace(ENDLESS, no_go_rad=()), False)]
+)
+def test_limits_are_enabled_where_there_are_some(travel: TravelSettings, limits: bool) -> None:
+    """A modulo axis that has a no-go sector has limits of the set-point: their numbers, and that they are in force."""
+    rig = Rig(at_deg=12.0, config=replace(settings(), travel=travel))
+    rig.run(0.01)
+    axis = rig.axis
+    for number, limit in ((Parameter.ENABLE_LIMIT_POS, Parameter.SW_LIMIT_POS),
+                          (Parameter.ENABLE_LIMIT_NEG, Parameter.SW_LIMIT_NEG)):  # fmt: skip
+        value = read_parameter(axis, limit)
+        assert isinstance(value, float)
+        assert math.isfinite(value) is limits
+        assert read_bool_parameter(axis, number) is limits
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 3])
+@pytest.mark.parametrize(
+    ("at_deg", "low_deg", "high_deg"),
+    [(350.0, 10.0, 350.0), (355.0, 10.0, 350.0), (365.0, 370.0, 710.0), (370.0, 370.0, 710.0)],
+)
+def test_from_within_a_sector_of_a_modulo_axis_the_way_out_ends_before_the_next(
+    turns: int, at_deg: float, low_deg: float, high_deg: float
+) -> None:
+    """A stop by the brake has ended in 350 to 370 deg: out of it by the nearer edge, and not round into it again."""
+    clearance = deg(ENDLESS.no_go_clearance_rad)
+    found = reach(ENDLESS, at_deg + 360.0 * turns)
+    assert found == pytest.approx((low_deg + clearance + 360.0 * turns, high_deg - clearance + 360.0 * turns))
+
+
+def test_a_key_that_is_held_does_not_go_round_into_the_sector_that_it_has_left() -> None:
+    rig = Rig(at_deg=355.0, config=replace(settings(), travel=ENDLESS))
+    rig.power_up()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    press(rig, reverse=True)
+    assert rig.axis.virtual.plan.pos_end == pytest.approx(rad(10.0) + ENDLESS.no_go_clearance_rad)

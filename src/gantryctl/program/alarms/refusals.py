@@ -79,9 +79,9 @@ REFUSALS: Final = (
     ),
     Definition(
         Code.LIM_01, _INFO, Reaction.HLT,
-        Text("End of travel", "stopped at {measured:.2f} deg, the end of travel",
+        Text("End of travel", "stopped at {measured:.2f} deg, {end}",
              "A motion with a speed only ran to the end of its way.", "Move the other way."),
-        Text("行程终点", "停在 {measured}°，行程终点", "只有速度的运动走到了行程尽头。",
+        Text("行程终点", "停在 {measured}°，{end}", "只有速度的运动走到了行程尽头。",
              "向另一方向移动。"),
     ),
     Definition(

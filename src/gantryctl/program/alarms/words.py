@@ -280,6 +280,11 @@ class Words(Enum):
         "换向只能从静止开始：松开后重新按下",
     )
     BOTH_KEYS = "both keys are pressed: one increment needs one key", "两键同时按下：一次增量只需一个键"
+    END_OF_TRAVEL = "the end of travel", "行程终点"
+    BEFORE_SECTOR = (
+        "before the no-go sector {begin:.2f} to {end:.2f} deg",
+        "在禁区 {begin}° 至 {end}° 之前",
+    )
     NO_WAY_ROUND = "there is no way round", "没有绕行的路"
     WAY_ROUND = "the way round is {way:+.2f} deg", "绕行路径为 {way}°"
     DIRECTION_OF_LINEAR = (

@@ -290,9 +290,20 @@ class MotionCommands:
         command.status = CommandStatus.DONE
         self.current = None
         if command.endless:
-            end_rad = self._settings.travel.read_end_rad(self._virtual.pos_ref_rad)
-            command.refusal = self._alarms.note(Code.LIM_01, measured=deg(end_rad))
+            command.refusal = self._note_end(command)
             self._drop_buffered()
+
+    def _note_end(self, command: MotionCommand) -> Refusal:
+        """Note where a motion with a speed only has come to its end: at that of travel, or before a no-go sector."""
+        travel, here_rad = self._settings.travel, self._virtual.pos_ref_rad
+        assert command.aim is not None  # it was asked for
+        stretch = travel.stretch(here_rad)
+        sector = stretch.above if command.aim.value > 0.0 else stretch.below
+        if sector is None:
+            at = deg(travel.read_end_rad(here_rad))
+            return self._alarms.note(Code.LIM_01, measured=at, end=Words.END_OF_TRAVEL)
+        at, begin, end = (deg(travel.read_rad(angle)) for angle in (here_rad, *sector))
+        return self._alarms.note(Code.LIM_01, measured=at, end=Words.BEFORE_SECTOR(begin=begin, end=end))
 
     def _ask(self, command: MotionCommand, buffer_mode: BufferMode) -> MotionCommand:
         """Begin a command at once, or let it wait for the one before."""

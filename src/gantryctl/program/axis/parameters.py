@@ -6,6 +6,7 @@ never above the machine's; monitors and the travel cannot be changed or left out
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from enum import IntEnum
@@ -69,10 +70,10 @@ _READ: Final[dict[int, Callable[[Axis], float]]] = {
     Parameter.MAX_JERK_APPL: lambda axis: axis.virtual.ramps.jerk_rad_s3,
 }
 
-# A modulo axis has no ends of travel; everything else that protects the axis is always on.
+# A modulo axis has no ends of travel, but it may have a no-go sector; all else that protects the axis is always on.
 _READ_BOOL: Final[dict[int, Callable[[Axis], bool]]] = {
-    Parameter.ENABLE_LIMIT_POS: lambda axis: not axis.settings.travel.endless,
-    Parameter.ENABLE_LIMIT_NEG: lambda axis: not axis.settings.travel.endless,
+    Parameter.ENABLE_LIMIT_POS: lambda axis: math.isfinite(_READ[Parameter.SW_LIMIT_POS](axis)),
+    Parameter.ENABLE_LIMIT_NEG: lambda axis: math.isfinite(_READ[Parameter.SW_LIMIT_NEG](axis)),
     Parameter.ENABLE_POS_LAG_MONITORING: lambda axis: True,
 }
 
