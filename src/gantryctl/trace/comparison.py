@@ -63,12 +63,22 @@ def difference(first: Trace, second: Trace, shift_s: float) -> Trace:
     at_s = time_s[both]
     data = {TIME_COLUMN: at_s}
     for name in names:
-        found = _at(at_s, there_s, second[name], steps=not unit_of(name).suffix) - first[name][both]
-        if name.startswith("pos_") and first.dial.begin_deg is not None:
-            # The zero of a modulo axis moves on by whole turns.
-            found = found - 2.0 * math.pi * np.nan_to_num(np.round(found / (2.0 * math.pi)))
-        data[name] = found
+        # The zero of a modulo axis moves on by whole turns.
+        turns = name.startswith("pos_") and first.dial.begin_deg is not None
+        there = _continued(second[name]) if turns else second[name]
+        found = _at(at_s, there_s, there, steps=not unit_of(name).suffix) - first[name][both]
+        data[name] = found - _turns_in(found) if turns else found
     return Trace(data, {**first.metadata, "of": "difference"})
+
+
+def _turns_in(angle_rad: Floats) -> Floats:
+    """Whole turns of angles, rad; NaN has none."""
+    return math.tau * np.nan_to_num(np.round(angle_rad / math.tau))
+
+
+def _continued(angle_rad: Floats) -> Floats:
+    """The same angles without steps of whole turns: half way through such a step there is no angle of the axis."""
+    return angle_rad - np.concatenate(([0.0], np.cumsum(_turns_in(np.diff(angle_rad)))))
 
 
 def _at(at_s: Floats, time_s: Floats, values: Floats, *, steps: bool) -> Floats:

@@ -68,6 +68,18 @@ def test_the_worst_row_is_found_behind_rows_without_a_number() -> None:
     assert (row.largest, row.time_s) == (pytest.approx(0.5), pytest.approx(0.3))
 
 
+def test_a_zero_that_moves_on_between_two_rows_is_no_difference() -> None:
+    """Scans of 4 ms beside some of 1 ms: between two rows of the second the same axis begins another turn."""
+    rate, moves_on_s = 0.5, 0.502
+    found = []
+    for period_s in (0.001, 0.004):
+        time_s = period_s * np.arange(round(1.0 / period_s))
+        pos = 3.0 + rate * time_s - np.where(time_s > moves_on_s, 2.0 * math.pi, 0.0)
+        found.append(Trace({"time_s": time_s, "pos_act_rad": pos}, {"turn_begin_deg": -180.0}))
+    assert np.max(np.abs(difference(*found, 0.0)["pos_act_rad"])) < 1e-9
+    assert np.max(np.abs(difference(*found[::-1], 0.0)["pos_act_rad"])) < 1e-9
+
+
 def test_whole_turns_are_no_difference_of_angles_and_one_of_speeds() -> None:
     first, second = recording(100, dial=0.0), recording(100, dial=0.0)
     second["pos_act_rad"][:] += 2.0 * math.pi

@@ -32,6 +32,7 @@ from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.plant_effects import larger_share_nm
 from gantryctl.wiring.program import motion_limits, position_law
 from gantryctl.wiring.simulator import gantry_sim
 
@@ -53,7 +54,7 @@ class MoveFigures(NamedTuple):
         base_um: base motion, peak to peak, gravity taken out. residual_um: the same, 0.2 to 2.2 s after the profile.
         settling_s: after the profile, until the load stays within 0.001 deg, by the envelope of its swing
             (`engineering.batch.settling_s`); 6 s where it has not by then. reducer_knm: at the reducer's output.
-        motor_nm: torque of the motor.
+        motor_nm: torque of the motor, of two that of the one that has more.
     """
 
     time_s: float
@@ -293,5 +294,5 @@ def _evaluate(machine: Machine, log: Log, duration_s: float) -> MoveFigures:
         residual_um=float(np.ptp(base[first:last])),
         settling_s=min(settling_s(load[end:] - final, period_s, rad(SETTLED_DEG)), SETTLE_S),
         reducer_knm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
-        motor_nm=float(np.max(np.abs(log["torque_act_nm"]))),
+        motor_nm=larger_share_nm(machine, float(np.max(np.abs(log["torque_act_nm"])))),
     )

@@ -36,6 +36,23 @@ def test_the_figures_of_a_move() -> None:
     assert found.reducer_knm == pytest.approx(4e3 / machine.axis.ring_ratio)
 
 
+@pytest.mark.parametrize(("lost", "motor_nm"), [("none", 155.0), ("second", 260.0)])
+def test_the_torque_of_a_move_is_that_of_one_motor(lost: str, motor_nm: float) -> None:
+    """Two motors share 260 N m and push against each other with 25; one that is alone has all of it."""
+    machine = with_values(
+        default_machine(),
+        {
+            "plant.switches.second_pinion": True,
+            "plant.second_pinion.preload_nm": 25.0,
+            "plant.second_pinion.lost": lost,
+        },
+    )
+    log = {name: np.zeros(802) for name in key_figures._COLUMNS}
+    log["torque_act_nm"][[150, 160]] = 120.0, -260.0
+    found = key_figures._evaluate(machine, Log(np.stack(list(log.values())), 0.01, key_figures._COLUMNS), 1.0)
+    assert found.motor_nm == pytest.approx(motor_nm)
+
+
 def chords_of(
     monkeypatch: pytest.MonkeyPatch, errors_deg: dict[int, float], noise_um: float
 ) -> key_figures.ChordTest:
