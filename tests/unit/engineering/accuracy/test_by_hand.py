@@ -16,6 +16,7 @@ from gantryctl.engineering.accuracy.verdict import (
     conformity_of,
     judge,
     judge_chords,
+    worst_verdict,
 )
 from gantryctl.machine import Requirement
 
@@ -118,3 +119,11 @@ def test_a_verdict_names_its_figures_and_whose_they_are() -> None:
     assert short.required is LIMIT
     assert (short.passed, judge_chords(ChordFigures(1.0, 1.0), LIMIT).passed) == (True, False)
     assert judge({"a": 0.0099}, LIMIT, {"a": 0.001}).passed is None
+
+
+def test_of_two_failures_the_one_that_may_lie_farthest_out_is_told() -> None:
+    """0.030 +- 0.005 may be 0.035; 0.031 and nothing beside it is 0.031. One that fails stands before all of them."""
+    unsure, sure = judge({"a": 0.030}, LIMIT, {"a": 0.005}), judge({"b": 0.031}, LIMIT, {})
+    near, sound = judge({"c": 0.2}, LIMIT, {"c": 0.195}), judge({"d": 0.009}, LIMIT, {})
+    assert worst_verdict([sure, unsure, near, sound]) is unsure
+    assert worst_verdict([sound, near]) is near

@@ -223,3 +223,17 @@ def test_a_simulated_tracker_is_judged_by_the_spread_of_a_not_by_its_median(
     # beyond by more than the spread it fails
     failed = dataclasses.replace(spread, median_deg=0.13, high_deg=0.14)
     assert dataclasses.replace(report, a_measured=failed).verdict.conformity is Conformity.FAIL
+
+
+@pytest.mark.parametrize(("true_deg", "seen_deg"), [(0.12, 0.02), (0.02, 0.12)])
+def test_a_chord_counts_as_it_is_and_as_it_is_seen(true_deg: float, seen_deg: float) -> None:
+    """A draw of the noise may hide a chord that is too long, or make one of a sound axis."""
+
+    def table(error_deg: float) -> ErrorTable:
+        errors = np.zeros_like(PAPER_TABLE.errors_deg)
+        errors[1, 2] = -error_deg
+        return dataclasses.replace(PAPER_TABLE, errors_deg=errors)
+
+    found = dataclasses.replace(MEASURED, true=table(true_deg), measured=table(seen_deg)).verdict
+    assert found.figures_deg["largest chord error"] == pytest.approx(0.12)
+    assert found.passed is False

@@ -138,6 +138,25 @@ def test_a_random_plant_is_within_20_per_cent_and_the_same_for_both_controls() -
         assert ours["plant.gear_error.phases_rad"] != nominal["plant.gear_error.phases_rad"]
 
 
+def test_what_goes_together_in_a_machine_goes_together_in_a_random_one() -> None:
+    """Breakaway with the Coulomb friction of its own side, all slopes of the reducer with the first."""
+    nominal = effective_values(default_machine())
+    for seed in range(1, 4):
+        drawn = effective_values(random_plant(default_machine(), seed))
+        share = {
+            path: float(str(drawn[path])) / float(str(nominal[path]))
+            for path in nominal
+            if path.startswith(("plant.roller_friction.", "plant.motor_friction.", "plant.transmission.reducer_"))
+            and nominal[path]
+        }
+        for side in ("roller", "motor"):
+            own = share[f"plant.{side}_friction.coulomb_nm"]
+            assert share[f"plant.{side}_friction.breakaway_nm"] == pytest.approx(own)
+        slopes = [share[f"plant.transmission.reducer_stiffness_{n}_nm_per_rad"] for n in (1, 2, 3)]
+        assert slopes == pytest.approx([slopes[0]] * 3)
+        assert share["plant.roller_friction.coulomb_nm"] != share["plant.motor_friction.coulomb_nm"]
+
+
 def test_quantiles_are_those_of_the_plants() -> None:
     rows = tuple(KeyFigures(*(float(k),) * len(KEY_FIGURES)) for k in range(101))
     found = PlantEnsemble(tuple(range(101)), {"a": rows}).quantiles("a")

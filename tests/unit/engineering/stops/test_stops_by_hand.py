@@ -11,10 +11,18 @@ from gantryctl.engineering.batch import Log
 from gantryctl.engineering.stops import limits
 from gantryctl.engineering.stops.certify import Certificate, QuickStops, certified_on
 from gantryctl.engineering.stops.page import quick_within
-from gantryctl.engineering.stops.run import StopCase, StopClass, StopResult, StopRow, _evaluate, stop_table
+from gantryctl.engineering.stops.run import (
+    StopCase,
+    StopClass,
+    StopResult,
+    StopRow,
+    _evaluate,
+    run_stop,
+    stop_table,
+)
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.text import certificate_lines, key_lines, stops_text, watch_lines
-from gantryctl.engineering.stops.uncertain import Factors, UncertainPlant
+from gantryctl.engineering.stops.uncertain import Factors, UncertainPlant, drawn
 from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.wiring.simulator import plant_params
@@ -113,6 +121,46 @@ def test_the_angle_of_a_stop_is_the_farthest_of_the_motor_while_it_turns() -> No
     found = _evaluate(StopCase(machine, StopClass.QUICK, 6.0), log)
     assert found.angle_deg == pytest.approx(0.6)
     assert found.time_s == pytest.approx(0.4)
+
+
+def test_the_motor_takes_out_what_its_torque_is_and_not_what_its_drive_believes() -> None:
+    """-100 N m at 10 rad/s for 0.1 s are 100 J of a motor with its whole torque constant; this one has 0.9 of it."""
+    machine = with_values(default_machine(), {"plant.motor.torque_constant_ratio": 0.9})
+    speed = np.array([10.0, 0.0, 0.0])
+    columns = {
+        "pos_motor_rad": np.zeros(3), "vel_motor_rad_s": speed, "torque_act_nm": np.array([-100.0, -100.0, 0.0]),
+        **{name: np.zeros(3) for name in
+           ("pos_load_rad", "vel_load_rad_s", "pos_base_rad", "torque_mesh_nm", "torque_limited")},
+    }  # fmt: skip
+    log = Log(np.stack(list(columns.values())), 0.1, tuple(columns))
+    assert _evaluate(StopCase(machine, StopClass.QUICK, 6.0), log).motor_energy_kj == pytest.approx(0.090)
+
+
+def test_the_wind_of_an_axis_does_not_blow_on_top_of_the_moment_of_the_check() -> None:
+    dish = load_machine(configs_folder() / "azimuth_dish.toml")
+    calm = with_values(dish, {"plant.switches.wind": False})
+    assert dish.plant.switches.wind
+    assert run_stop(dish, StopClass.QUICK, 0.5, 20.0) == run_stop(calm, StopClass.QUICK, 0.5, 20.0)
+
+
+def test_plants_that_are_drawn_have_gears_of_their_own() -> None:
+    """The seeds of their gears follow that of the draw; 0 would be the gear of the file."""
+    assert [each.gear for each in drawn(TABLE, 3, 7)] == [8, 9, 10]
+
+
+@pytest.mark.parametrize(("angle_deg", "refused"), [(3.6390, False), (3.6401, True), (3.6449, True)])
+def test_a_stop_beyond_the_permitted_angle_is_not_passed_by_rounding(
+    monkeypatch: pytest.MonkeyPatch, angle_deg: float, refused: bool
+) -> None:
+    """4 deg are permitted, of which 60 ms of 6 deg/s are 0.36."""
+    stop = STOP._replace(torque_motor_nm=100.0, torque_reducer_nm=1e3, angle_deg=angle_deg)
+    monkeypatch.setattr(limits, "hardest_quick_stop", lambda _: stop)
+    check = limits.check_quick_stop.__wrapped__
+    if not refused:
+        assert check(default_machine()) is stop
+        return
+    with pytest.raises(ConfigError, match=r"takes 4\.01 deg including 60 ms"):
+        check(default_machine())
 
 
 def test_a_silent_controller_lets_the_motor_go_until_a_brake_that_is_not_the_drives_has_closed() -> None:
