@@ -113,6 +113,42 @@ def test_every_compensation_has_a_row_with_it_alone() -> None:
     assert not (gear.torque.eccentric)
 
 
+ON_ALONE = {
+    "profile": "",
+    "torque of the eccentric moment": "torque.eccentric",
+    "torque of the acceleration": "torque.acceleration",
+    "gear map": "gear_map.active",
+    "wind-up": "windup.active",
+    "wind-up, moment followed": "windup.active moment_observer.active",
+    "lost motion": "windup.reversal",
+    "load encoder": "load_encoder.active",
+    "load encoder, own errors out": "load_encoder.active load_encoder.own_errors",
+    "swing damping": "load_encoder.active damping.active",
+    "dead time": "",
+}
+
+
+def test_nothing_but_what_a_row_is_named_for_is_on_in_it() -> None:
+    """Switches, but for the watch, and two numbers: latency, and the integral beside which no damping shows."""
+    improved = improved_machine()
+    own = improved.control.compensation
+    found = {
+        row.name.removesuffix(" alone"): effective_values(row.machine)
+        for row in variants(default_machine(), improved)
+        if row.name.endswith("alone")
+    }
+    assert list(found) == list(ON_ALONE)
+    at = "control.compensation."
+    for name, values in found.items():
+        on = {
+            path.removeprefix(at) for path, value in values.items() if path.startswith(at) and value is True
+        }
+        assert on - {"calibration_watch.active"} == set(ON_ALONE[name].split()), name
+        assert values[f"{at}latency_us"] == (own.latency_us if name == "dead time" else 0.0)
+        integral = 0.01 if name == "swing damping" else own.load_encoder.integral_per_s
+        assert values[f"{at}load_encoder.integral_per_s"] == integral
+
+
 def test_without_its_encoder_the_machine_reads_none() -> None:
     config = without_load_encoder(improved_machine()).control.compensation
     assert not (config.load_encoder.active)
@@ -146,7 +182,9 @@ def test_what_goes_together_in_a_machine_goes_together_in_a_random_one() -> None
         share = {
             path: float(str(drawn[path])) / float(str(nominal[path]))
             for path in nominal
-            if path.startswith(("plant.roller_friction.", "plant.motor_friction.", "plant.transmission.reducer_"))
+            if path.startswith(
+                ("plant.roller_friction.", "plant.motor_friction.", "plant.transmission.reducer_")
+            )
             and nominal[path]
         }
         for side in ("roller", "motor"):

@@ -119,6 +119,18 @@ def test_a_row_may_stand_on_top_of_others() -> None:
         plain.on_top(["tooth"])
 
 
+def test_what_a_row_sets_stands_above_what_lies_below_it() -> None:
+    """12 um below; 16 um of its own, and a half more than what is below it."""
+    machine = improved_machine()
+    key = "plant.gear_error.mesh_um"
+    text = f"[row.base.set]\n{key} = 12.0\n[row.own.set]\n{key} = 16.0\n[row.wear.times]\n{key} = 1.5\n"
+    base, own, wear = (
+        row.on(machine).plant.gear_error.mesh_um
+        for row in parse_drift(text, "d.toml", machine).on_top(["base"]).rows
+    )
+    assert (base, own, wear) == pytest.approx((12.0, 16.0, 18.0))
+
+
 def short(machine: Machine) -> Machine:
     """The same with a short chord test."""
     return with_values(

@@ -16,6 +16,7 @@ from gantryctl.engineering.comparison.drift_file import Change, DriftRow
 from gantryctl.engineering.comparison.stale_days import Day
 from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
+from gantryctl.program.monitors.calibration_watch import Finding
 
 
 def test_the_figures_of_a_move() -> None:
@@ -158,6 +159,15 @@ def test_a_day_tells_of_the_last_one_of_its_chain_what_was_found() -> None:
     found = Day({"moment": 70}, {})
     use = stale_report._in_use([[Day({}, {}), found], [Day({}, {}), Day({}, {})]])
     assert (use.days, use.found) == (4, {"moment": (70,)})
+
+
+def test_what_came_nearest_to_its_bound_may_be_negative_and_its_bound_its_own() -> None:
+    """0.5 of 1, -0.9 of 1 and 0.6 of 0.625 days later: the last, 0.96 of its bound, whatever is larger."""
+    days = [
+        Day({}, {"backlash": Finding(*each)}) for each in ((0.5, 1.0), (-0.9, 1.0), (0.6, 0.625), (0.8, 1.0))
+    ]
+    assert stale_report._in_use([days]).largest == {"backlash": Finding(0.6, 0.625)}
+    assert stale_report._in_use([days[:2]]).largest == {"backlash": Finding(-0.9, 1.0)}
 
 
 def test_a_person_is_told_all_of_the_way_that_a_comparison_on_a_bus_goes() -> None:
