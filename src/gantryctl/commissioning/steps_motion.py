@@ -27,7 +27,7 @@ from gantryctl.errors import AlarmStop
 from gantryctl.machine import Machine
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.places import reach_deg
-from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg, unbraked_way_deg
+from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
 from gantryctl.operation.client import Snapshot
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, SILENT_STOP_S
 from gantryctl.operation.run import AxisRun
@@ -213,7 +213,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
         if own:
             # The way that acts first counts.
             delay_s = min(way.limit_s(axis.drive) for way in own)
-            computed = computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c, speed, dec)
+            computed = silent_way_deg(c.machine, speed, 1e3 * delay_s, dec_deg_s2=dec)
         else:
             # A watchdog beside the drive takes the torque off, and there is no ramp.
             delay_s = _watchdog_s(c)
@@ -238,11 +238,6 @@ def _watchdog_s(c: Context) -> float:
     if shown is None or shown.outcome is not Outcome.PASSED:
         raise AlarmStop("nothing in this drive watches the controller, and the step watchdog has not passed")
     return shown.number(SILENT_STOP_S)
-
-
-def _unbraked_way_deg(c: Context, speed: float, dec: float) -> float:
-    """A brake that nobody works any more closes after the torque has gone: the motor goes with the load."""
-    return 0.0 if c.machine.brake.owner == "drive" else unbraked_way_deg(c.machine, speed, dec)
 
 
 def _jog_release(c: Context, speed: float) -> float:

@@ -13,7 +13,6 @@ import pytest
 from gantryctl.commissioning import steps_lacks, steps_motion
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
 from gantryctl.errors import AlarmStop
-from gantryctl.machine import with_values
 from gantryctl.runtime.recorder import MemoryRecorder
 from unit.commissioning.hand_drive import MACHINE, HandDrive, axis_of, context
 
@@ -39,30 +38,6 @@ def test_the_leash_of_a_stop_ends_with_the_way_that_it_may_take(
     monkeypatch.setattr(steps_motion, "open_loop_axis", opened)
     with steps_motion._at_speed(context(), "stop", speed, 2.0):
         assert asked == [pytest.approx(8.3), "enable", (speed, 1.0), (0.5, speed)]
-
-
-@pytest.mark.parametrize(
-    ("owner", "speed", "way_deg"),
-    [
-        ("drive", 6.0, 0.0),
-        ("object_60FE", 6.0, 0.1713),
-        ("object_60FE", 0.3, 0.0586),
-        ("object_60FE", -0.3, 0.0586),
-    ],
-)
-def test_the_motor_goes_with_the_load_until_a_brake_that_nobody_works_has_closed(
-    owner: str, speed: float, way_deg: float
-) -> None:
-    """A load of 2 Hz behind 5.4 deg/s2: 0.859 deg/s, behind a ramp of 56 ms sin(0.349) of it; 120 ms and a twist of
-    0.0684 deg, which throws the motor twice as far: as the sides of a right angle 0.199 s of that speed.
-
-    A drive that owns its brake closes it before its torque goes.
-    """
-    machine = with_values(
-        MACHINE,
-        {"brake.owner": owner, "brake.close_time_ms": 120.0, "control.compensation.first_mode_hz": 2.0},
-    )
-    assert steps_motion._unbraked_way_deg(context(machine), speed, 5.4) == pytest.approx(way_deg, abs=1e-4)
 
 
 class Moves:

@@ -325,16 +325,15 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
         did.append((silent.ways, silent.limit_s, silent.way_deg, silent.ramp_s, speed))
         return seen
 
-    def computed(speed: float, dec: float, delay_s: float) -> float:
-        asked.append(delay_s)
+    def computed(machine: object, speed: float, delay_ms: float, *, dec_deg_s2: float) -> float:
+        asked.append((delay_ms, dec_deg_s2))
         return 0.1
 
     ways = [SimpleNamespace(limit_s=lambda drive, s=s: s) for s in (0.15, 0.05)]
     monkeypatch.setattr(steps_motion, "_ramp_deg_s2", lambda c: 5.4)
     monkeypatch.setattr(steps_motion, "_at_speed", at_speed)
     monkeypatch.setattr(steps_motion, "watched_ways", lambda axis: ways)
-    monkeypatch.setattr(steps_motion, "computed_way_deg", computed)
-    monkeypatch.setattr(steps_motion, "_unbraked_way_deg", lambda *_: 0.0)
+    monkeypatch.setattr(steps_motion, "silent_way_deg", computed)
     seen = silence.SilentDrive(state=state, brake_open=False, way_deg=0.08)
     monkeypatch.setattr(steps_motion, "fall_silent", fall)
     if stopped:
@@ -342,7 +341,7 @@ def test_a_drive_alone_has_as_long_as_its_quickest_watch_and_must_stop(
     else:
         with pytest.raises(AlarmStop, match="silence at 1 deg/s"):
             steps_motion._silent_stop(context(), -1.0, [])
-    assert asked == [0.05]
+    assert asked == [(50.0, 5.4)]
     # 60 ms of reaction at 1 deg/s more than computed, and 1 / 5.4 s of ramp; the fault is cleared behind a stop.
     permitted = (tuple(silence.Way), 0.05, pytest.approx(0.16), pytest.approx(0.18519, abs=1e-5), -1.0)
     # The leash is no part of the proof: 4 deg, in which the room wants the gantry to stop.

@@ -13,8 +13,6 @@ from gantryctl.machine.rules.reaction import (
     driven_acc_deg_s2,
     reaction_room_deg,
     reaction_time_ms,
-    silent_speed_max_deg_s,
-    silent_way_deg,
 )
 from gantryctl.units import Dial
 from support.modulo_machine import modulo_machine
@@ -212,19 +210,6 @@ def test_two_channels_of_the_emergency_stop_are_two_inputs(
             f"{place}.{name}": bit for name, bit in zip(("estop_ok", "estop_ok_2"), bits, strict=True)
         }
     assert any("another input than estop_ok_2" in each for each in broken(changes)) is not differ
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_way_of_a_silent_controller_is_that_of_either_direction(way: float) -> None:
-    """3 deg/s: 0.3 deg in 100 ms, and 9 / 10.8 of the quick stop."""
-    assert silent_way_deg(MACHINE, way * 3.0, 100.0) == pytest.approx(0.3 + 9.0 / 10.8)
-
-
-def test_the_highest_speed_of_a_brake_stop_uses_the_permitted_angle_and_no_more() -> None:
-    """A load of 50 kN m drives while the brake closes; 4 deg are permitted."""
-    fastest = silent_speed_max_deg_s(MACHINE, 200.0, brake=True)
-    assert 0.0 < fastest < 6.0
-    assert silent_way_deg(MACHINE, fastest, 200.0, brake=True) == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize(("turns", "fits"), [(1176, True), (1175, False)])
@@ -585,13 +570,6 @@ def test_an_axis_that_is_driven_away_is_caught_a_scan_later(key: str, value: flo
     """
     lines = broken({f"monitors.{key}": value})
     assert (not any(f"[monitors] {key}" in line.partition(";")[0] for line in lines)) is fits
-
-
-def test_a_load_drives_a_silent_axis_while_its_brake_closes() -> None:
-    """3 deg/s, s = 1.07952 deg/s2, n = 8.80025, 0.15 s to close, 0.2 s of delay; 0.16193 deg/s more when it is closed:
-    0.51135 + 3 x 0.36840 + 0.01214 + 0.00149 deg.
-    """
-    assert silent_way_deg(MACHINE, 3.0, 200.0, brake=True) == pytest.approx(1.63018, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -187,6 +187,8 @@ def disagreement_within_reaction(m: Machine) -> Broken:
 def silent_angle_deg(m: Machine, delay_ms: float, *, brake: bool = False, dec_deg_s2: float = 0.0) -> float:
     """Way from the last sign of a controller to rest, from the highest setting.
 
+    Nobody works a brake any more that is not the drive's own: it closes behind the ramp, its torque gone.
+
     Args:
         delay_ms: until the drive misses the controller; it goes on at the speed of the last command meanwhile.
         brake: the drive takes the torque off and closes the brake instead of a ramp; inf where the brake is too weak.
@@ -200,19 +202,23 @@ def silent_way_deg(
 ) -> float:
     """That way from another speed; its sign does not matter."""
     square, linear, constant = _silent_way(m, delay_ms, brake, dec_deg_s2)
-    return square * speed_deg_s**2 + linear * abs(speed_deg_s) + constant
+    way = square * speed_deg_s**2 + linear * abs(speed_deg_s) + constant
+    return way if brake or m.brake.owner == "drive" else way + unbraked_way_deg(m, speed_deg_s, dec_deg_s2)
 
 
-def unbraked_way_deg(m: Machine, speed_deg_s: float, dec_deg_s2: float) -> float:
+def unbraked_way_deg(m: Machine, speed_deg_s: float, dec_deg_s2: float = 0.0) -> float:
     """Way of the motor behind a ramp whose torque goes off before its brake has closed, at most.
 
     A load of frequency w swings behind a ramp of the deceleration a with up to u = 2 a / w, behind one of speed v that
     is over sooner with u sin(w v / 2 a). The motor goes with it for the closing time t, and is thrown to the other side
     of the twist u / w of its gear: u t and 2 u / w, a quarter of a swing apart.
     """
-    rate = 2.0 * math.pi * m.control.compensation.first_mode_hz
-    part = math.sin(min(0.5 * math.pi, 0.5 * rate * abs(speed_deg_s) / dec_deg_s2))
-    return 2.0 * dec_deg_s2 / rate * part * math.hypot(m.brake.close_time_ms / 1000.0, 2.0 / rate)
+    rate, dec = (
+        2.0 * math.pi * m.control.compensation.first_mode_hz,
+        dec_deg_s2 or m.virtual_axis.quick_dec_deg_s2,
+    )
+    part = math.sin(min(0.5 * math.pi, 0.5 * rate * abs(speed_deg_s) / dec))
+    return 2.0 * dec / rate * part * math.hypot(m.brake.close_time_ms / 1000.0, 2.0 / rate)
 
 
 def silent_speed_max_deg_s(
@@ -222,7 +228,20 @@ def silent_speed_max_deg_s(
     square, linear, constant = _silent_way(m, delay_ms, brake, dec_deg_s2)
     if not math.isfinite(constant):
         return 0.0
+    if not brake and m.brake.owner != "drive":
+        # As from any speed whose ramp lasts half a swing of the load: a slower one swings less.
+        constant += unbraked_way_deg(m, math.inf, dec_deg_s2)
     return _positive_root(square, linear, constant - m.required.stopping_angle_deg)
+
+
+def ramp_angle_deg(m: Machine, delay_ms: float, dec_deg_s2: float) -> float:
+    """Way of a quick stop from the highest setting on a ramp of the drive's own: its brake closes while it stands."""
+    return 0.5 / dec_deg_s2 * m.speed.setting_max_deg_s**2 + delay_ms / 1000.0 * m.speed.setting_max_deg_s
+
+
+def ramp_speed_max_deg_s(m: Machine, delay_ms: float, dec_deg_s2: float) -> float:
+    """Highest speed at which that way is within the permitted stopping angle."""
+    return _positive_root(0.5 / dec_deg_s2, delay_ms / 1000.0, -m.required.stopping_angle_deg)
 
 
 def permitted_speed_deg_s(speed_deg_s: float) -> float:

@@ -9,8 +9,8 @@ from gantryctl.machine.rules.reaction import (
     REACTION_S,
     driven_acc_deg_s2,
     permitted_speed_deg_s,
-    silent_angle_deg,
-    silent_speed_max_deg_s,
+    ramp_angle_deg,
+    ramp_speed_max_deg_s,
 )
 from gantryctl.operation.ledger.rows import (
     RAMP_DEG_S2,
@@ -88,13 +88,13 @@ def ramp_row(q: Question) -> LedgerRow:
     if RAMP_STEP not in q.proofs.passed or dec is None:
         return LedgerRow(RAMP, Standing.LACKING, "", Clauses((*why, Words.LEDGER_RAMP_UNKNOWN)), RAMP_STEP)
     m, reaction_ms = q.machine, 1e3 * REACTION_S
-    angle = silent_angle_deg(m, reaction_ms, dec_deg_s2=dec)
+    angle = ramp_angle_deg(m, reaction_ms, dec)
     top = m.speed.setting_max_deg_s
     own = Words.LEDGER_OWN_RAMP(acceleration=dec, angle=angle, speed=top, time_ms=reaction_ms)
     detail = Clauses((*why, own))
     permitted, fastest = m.required.stopping_angle_deg, None
     if angle > permitted:
-        fastest = permitted_speed_deg_s(silent_speed_max_deg_s(m, reaction_ms, dec_deg_s2=dec))
+        fastest = permitted_speed_deg_s(ramp_speed_max_deg_s(m, reaction_ms, dec))
         detail = Clauses((*detail, Words.LEDGER_NOT_FASTER(limit=permitted, speed=fastest)))
     return LedgerRow(RAMP, Standing.PROVEN, _by(RAMP_STEP), detail, RAMP_STEP, False, fastest)
 
