@@ -148,6 +148,67 @@ test('what is not known yet is neither at rest, nor free to be switched on, nor 
   expect(open({ journal_sequence: 12 })).toBe('–');
 });
 
+test('figures are in the unit that stands beside them', () => {
+  const told = (name: string): string | undefined => {
+    const title = [...document.querySelectorAll('dt')].find((each) => each.textContent === name);
+    return title?.nextElementSibling?.textContent?.replace(/\s+/g, ' ').trim();
+  };
+  show(Display, {}, {
+    eccentric_moment_nm: 12340, eccentric_angle_deg: -40, overload: 0.873, vel_act_deg_s: -3, speed_setting_deg_s: 1.5,
+    override_percent: 40, stopping_angle_deg: 3.456, quick_stop_angle_deg: 0.789, torque_act_nm: -60, torque_expected_nm: 52,
+    torque_rated_nm: 50, torque_max_nm: 150, pos_err_deg: -0.06, following_error_trip_deg: 0.1, travel_left_minus_deg: 12.3,
+    travel_left_plus_deg: 45.6,
+  }); // prettier-ignore
+  expect(told('Imbalance')).toBe('12.34 kN m hangs at −40°');
+  expect(told('Speed')).toBe('−3.000 °/s −0.500 r/min');
+  expect(told('Speed setting')).toBe('1.50 °/s 40 %');
+  expect(told('Stopping angle now')).toBe('3.46 ° quick stop 0.79°');
+  expect(told('Cable left − | +')).toBe('12.3 | 45.6 °');
+  expect(document.body.textContent).toMatch(/Motor overload used:\s+87 %/);
+  // Torque above its rated value and an error above half of its trip are abnormal, in both directions.
+  const bad = (): boolean[] => [...document.querySelectorAll('.bar')].map((each) => each.matches('.bad'));
+  expect(bad()).toEqual([true, true]);
+  expect(document.body.textContent).toContain('−60.0 N m, expected +52.0');
+  expect(document.body.textContent).toContain('−0.0600° of 0.100°');
+  show(Display, {}, {
+    torque_act_nm: 49, torque_rated_nm: 50, torque_max_nm: 150, pos_err_deg: 0.049, following_error_trip_deg: 0.1,
+  }); // prettier-ignore
+  expect(bad()).toEqual([false, false]);
+});
+
+test('each lamp shows its own tag, and is abnormal in the state that is', () => {
+  const lamps = (tags: object): string[] => {
+    show(Diagnosis, {}, tags);
+    return [...document.querySelectorAll('.lamp.bad span')].map((each) => each.textContent ?? '');
+  };
+  const sound = {
+    estop_ok: true, estop_ok_2: true, collision_ok: true, door_ok: true, motion_permit: true, mains_ready: true,
+    limit_minus_ok: true, limit_plus_ok: true, position_valid: true, torque_limited: false, enabling_switch: false,
+    brake_open_cmd: false, brake_open: false,
+  }; // prettier-ignore
+  expect(lamps(sound)).toEqual([]);
+  expect(lamps({ ...sound, enabling_switch: true, brake_open: true, brake_open_cmd: true })).toEqual([]);
+  for (const [tag, name] of [
+    ['estop_ok', 'Emergency-stop chain closed'],
+    ['estop_ok_2', 'Emergency-stop chain, channel 2'],
+    ['collision_ok', 'No collision'],
+    ['door_ok', 'Room door closed'],
+    ['motion_permit', 'Motion permitted'],
+    ['mains_ready', 'Mains ready'],
+    ['limit_minus_ok', 'Limit switch − free'],
+    ['limit_plus_ok', 'Limit switch + free'],
+    ['position_valid', 'Angle trusted'],
+  ] as const)
+    expect(lamps({ ...sound, [tag]: false })).toEqual([name]);
+  expect(lamps({ ...sound, torque_limited: true })).toEqual(['Torque at its limit']);
+  // What the machine does not have has no lamp; what it has and nobody knows is unknown.
+  show(Diagnosis, {}, { estop_ok: null });
+  const names = [...document.querySelectorAll('.lamp span')].map((each) => each.textContent);
+  expect(names).not.toContain('Room door closed');
+  expect(names).not.toContain('Motion permitted');
+  expect(document.querySelector('.lamp')?.textContent).toContain('unknown');
+});
+
 describe('drawings', () => {
   /** Angle, clockwise from the top, and radius of the end of a path. */
   function ends(path: string): number[] {

@@ -181,6 +181,22 @@ test('a connection that ends late takes nothing from the next one', async () => 
   expect(sent('stop')).toHaveLength(1);
 });
 
+test('a sign of life is given with fresh frames, by who has control', async () => {
+  await pass(500);
+  frame({ authority_client: 'c1' });
+  expect(sent('alive')).toHaveLength(1);
+  await pass(500);
+  frame({}, 0, { fresh: false });
+  expect(sent('alive')).toHaveLength(1);
+  frame({}, 450, { age_ms: 450 });
+  expect(sent('alive')).toHaveLength(1);
+  frame();
+  expect(sent('alive')).toHaveLength(2);
+  await pass(500);
+  frame({ authority_client: 'c2' });
+  expect(sent('alive')).toHaveLength(2);
+});
+
 describe('a command', () => {
   test('carries the mark of the newest frame and the epoch of the newest reply', async () => {
     void link.send('move', { target_deg: 1 });
@@ -190,6 +206,20 @@ describe('a command', () => {
     expect(sent('move').map(({ seq, frame, epoch }) => [seq, frame, epoch])).toEqual([
       [1, `f${frames - 1}`, 7],
       [2, `f${frames}`, 8],
+    ]);
+  });
+
+  test('that stops, lets go or gives a sign of life names no epoch: none is refused for it', () => {
+    link.post('release', { lease: 'a' });
+    link.post('alive', {});
+    for (const kind of ['stop', 'quick_stop', 'halt', 'give'] as const) void link.send(kind, {});
+    expect(socket.sent.map(({ type, epoch }) => [type, epoch])).toEqual([
+      ['release', undefined],
+      ['alive', undefined],
+      ['stop', undefined],
+      ['quick_stop', undefined],
+      ['halt', 7],
+      ['give', 7],
     ]);
   });
 

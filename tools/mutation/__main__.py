@@ -19,6 +19,7 @@ from mutation.core_campaign import is_core, record_core, run_core
 from mutation.cpp_operators import cpp_mutants
 from mutation.mutant import Change
 from mutation.operators import mutants
+from mutation.page_campaign import is_page, run_page
 from mutation.record import FOLDER_VARIABLE, PART_VARIABLE
 from mutation.trial import FOUND, Fate, Trial
 
@@ -231,9 +232,12 @@ def _try(arguments: argparse.Namespace, changes: list[Change]) -> None:
     coverage, results = arguments.coverage.resolve(), arguments.results.resolve()
     limits = {"workers": arguments.workers, "budget_s": arguments.seconds}
     core = [change for change in changes if is_core(change)]
-    others = [change for change in changes if not is_core(change)]
+    page = [change for change in changes if is_page(change)]
+    others = [change for change in changes if not (is_core(change) or is_page(change))]
     if core:
         run_core(ROOT, CORE_BUILD, core, coverage / "core", results, **limits)
+    if page:
+        run_page(ROOT, page, results, budget_s=arguments.seconds)
     if others:
         run_all(ROOT, others, coverage, results, **limits)
 

@@ -34,7 +34,11 @@ def folder(tmp_path: Path) -> Path:
 
 def test_files_are_served_packed_and_by_tag(folder: Path) -> None:
     page = Page(folder)
-    for path, lasting in (("/", "no-cache"), ("/assets/a.js", "max-age=31536000, immutable")):
+    for path, lasting in (
+        ("/", "no-cache"),
+        ("/index.html", "no-cache"),
+        ("/assets/a.js", "max-age=31536000, immutable"),
+    ):
         plain = page.answer(request(path))
         packed = page.answer(request(path, accept_encoding="gzip, br"))
         assert plain.status_code == packed.status_code == 200

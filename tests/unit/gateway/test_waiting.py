@@ -73,6 +73,15 @@ def test_who_has_waited_for_too_long_is_ended(hall: Hall) -> None:
     assert hall.ended() == [0, 1, 2]
 
 
+def test_the_oldest_has_waited_for_too_long_though_others_of_its_party_have_not(hall: Hall) -> None:
+    hall.come("crowd")
+    hall.now_s = PATIENCE_S
+    hall.come("crowd", "crowd")
+    hall.now_s += 0.1
+    assert [hall.next(), hall.next(), hall.next()] == [2, 1, None]
+    assert hall.ended() == [0]
+
+
 def test_at_the_end_nobody_waits(hall: Hall) -> None:
     hall.come("crowd", "crowd", "other")
     hall.room.close()

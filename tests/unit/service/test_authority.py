@@ -53,6 +53,13 @@ def test_every_cell_of_who_takes_control_from_whom(
     assert authority.epoch == (8 if not code and holder is not who else 7)
 
 
+def test_another_screen_of_the_same_user_begins_another_epoch() -> None:
+    """What the first screen has sent before is void."""
+    authority, second = held_by(PAGE), PAGE._replace(client="second")
+    assert authority.take(second, over=True, at_rest=True, now_s=101.0) is None
+    assert (authority.holder, authority.epoch) == (second, 8)
+
+
 def test_only_the_holder_gives_control_back_and_that_begins_an_epoch() -> None:
     authority = held_by(PAGE)
     assert not authority.give("other")

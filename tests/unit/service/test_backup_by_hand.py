@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import socket
 import tarfile
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ import pytest
 
 from gantryctl.errors import GantryctlError, StateError, UsageError
 from gantryctl.machine import Machine, default_machine, default_machine_path, load_machine
-from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.operation.store import SERVICE_SOCKET, PeerName
 from gantryctl.runtime import Retained, RetainedMemory
 from gantryctl.service.backup import archive, create
 from gantryctl.service.backup.create import create_backup
@@ -313,3 +315,41 @@ def test_a_restore_forgets_where_the_axis_rested_and_nothing_else(root: Path) ->
     assert found is not None
     assert found.last_result.startswith("restored by ")
     assert found == replace(memory, rest_position_counts=None, last_result=found.last_result)
+
+
+def test_a_service_is_found_by_its_socket_however_long_the_path(tmp_path: Path) -> None:
+    """A socket address takes 108 bytes. Nothing else of the service lives here: no controller, no recorder."""
+    deep = tmp_path / ("d" * 60) / ("e" * 60)
+    directory = deep / NAME
+    directory.mkdir(parents=True)
+    RetainedMemory(directory).store(Retained(NAME, "hash"))
+    made = backed_up(deep)
+    with closing(socket.socket(socket.AF_UNIX)) as service:
+        with PeerName(directory) as address:
+            service.bind(address)
+        service.listen()
+        with pytest.raises(StateError, match="the service runs this machine"):
+            restore_backup(made, deep)
+    restore_backup(made, deep)  # what it has left behind is no service
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", "a/b", "../a"])
+def test_a_backup_of_what_is_no_name_of_a_machine_is_not_restored(tmp_path: Path, name: str) -> None:
+    root = tmp_path / "state" / "root"
+    root.mkdir(parents=True)
+    archive.write_archive(
+        tmp_path / "bad.tar.gz", archive.Manifest(name, "", "", "", "", "1", False, "", {}), tmp_path
+    )
+    with pytest.raises(StateError, match="is no name of a machine"):
+        restore_backup(tmp_path / "bad.tar.gz", root)
+    assert {*tmp_path.rglob("*")} == {tmp_path / "bad.tar.gz", tmp_path / "state", root}
+
+
+def test_root_does_not_restore_the_state_of_another_user(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The service of that user could not read what root has written."""
+    made = backed_up(root)
+    if os.geteuid() == 0:
+        os.chown(root, 12345, -1)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    with pytest.raises(UsageError, match="is of another user"):
+        restore_backup(made, root)

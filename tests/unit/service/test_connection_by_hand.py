@@ -380,6 +380,27 @@ def test_the_number_of_no_link_opens_nothing() -> None:
     assert not taker.take("0" * 16, 1000)
 
 
+def test_a_link_opens_once_for_its_own_user_alone() -> None:
+    words: Any = {Word.LINK: 5, Word.LINK_UID: 1000, Word.LINK_UNTIL_NS: 61_000_000_000}
+    taker = LinkTaker(words, lambda: 500_000_000)
+    assert [taker.take(f"{5:016x}", uid) for uid in (0, 1001)] == [False, False]
+    assert [taker.take(f"{5:016x}", 1000) for _ in range(2)] == [True, False]
+    words[Word.LINK] = 6
+    assert taker.take(f"{6:016x}", 1000)
+
+
+def test_a_sign_of_life_is_no_use_of_a_connection(desk: Desk) -> None:
+    """A page that nobody looks at gives them: its session must end all the same."""
+    client = desk.hub.connect("anna", Role.OPERATOR, "console")
+    begun_s = desk.now_s
+    desk.look(5.0)
+    say(client, 1, type="alive", frame=UNKNOWN)
+    say(client, 2, type="renew", frame=UNKNOWN, epoch=3, lease=LEASE)
+    assert client.used_s == begun_s
+    say(client, 3)
+    assert client.used_s == begun_s + 5.0
+
+
 def test_before_the_first_picture_a_frame_has_the_mark_of_time_0(desk: Desk) -> None:
     desk.look()
     (status,) = sent(desk.hub.connect("anna", Role.OPERATOR, "console"), "status")

@@ -16,7 +16,7 @@ from gantryctl.files import write_whole
 from gantryctl.machine import Machine, default_machine_path, load_machine
 from gantryctl.machine.reading import printable
 from gantryctl.operation.state import operator_name
-from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.operation.store import SERVICE_SOCKET, PeerName
 from gantryctl.runtime import RetainedMemory, StateLock
 from gantryctl.service.backup.archive import Manifest, extract, read_manifest
 from gantryctl.service.backup.create import (
@@ -106,7 +106,8 @@ def _refuse_running(directory: Path) -> None:
                 )
     with closing(socket.socket(socket.AF_UNIX)) as asked, suppress(OSError):
         asked.settimeout(5.0)
-        asked.connect(str(directory / SERVICE_SOCKET))
+        with PeerName(directory) as address:
+            asked.connect(address)
         raise StateError(f"{directory}: the service runs this machine: end it first")
 
 
