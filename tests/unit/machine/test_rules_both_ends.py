@@ -581,3 +581,29 @@ def test_a_slow_stop_ends_before_its_deceleration_is_reached(
     speed: float, angle_deg: float, time_s: float
 ) -> None:
     assert rigid_stop(speed, 2.0, 3.0) == pytest.approx((angle_deg, time_s), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("turn", "sectors", "stretches"),
+    [
+        # The same sector in another turn: 340 to 20 deg, 10 to 20, 60 to 70 beside 300 to 310.
+        ((0.0, 360.0), [[-20.0, 20.0]], [(20.0, 340.0)]),
+        ((0.0, 360.0), [[-350.0, -340.0]], [(0.0, 10.0), (20.0, 360.0)]),
+        ((0.0, 360.0), [[-300.0, -290.0], [300.0, 310.0]], [(0.0, 60.0), (70.0, 300.0), (310.0, 360.0)]),
+        ((-180.0, 180.0), [[-300.0, -290.0], [300.0, 310.0]], [(-180.0, -60.0), (-50.0, 60.0), (70.0, 180.0)]),
+        ((-180.0, 180.0), [[190.0, 200.0]], [(-180.0, -170.0), (-160.0, 180.0)]),
+        # All but 20 deg.
+        ((0.0, 360.0), [[-350.0, 350.0]], [(0.0, 10.0), (350.0, 360.0)]),
+    ],
+)
+def test_a_sector_of_a_modulo_axis_lies_in_its_turn_however_it_is_written(
+    turn: tuple[float, float], sectors: list[list[float]], stretches: list[tuple[float, float]]
+) -> None:
+    low, high = turn
+    ends = {"axis.pos_min_deg": low, "axis.pos_max_deg": high}
+    axis = modulo_machine({**ends, "axis.no_go_deg": sectors}).axis
+    assert axis._stretches_deg == stretches
+    # A new machine stands in one of them.
+    first, last = axis.home_stretch_deg
+    assert (first, last) in stretches
+    assert first <= axis.start_angle_deg <= last

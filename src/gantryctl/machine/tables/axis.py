@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -125,10 +126,14 @@ class AxisTable(Table):
 
     @property
     def sectors_deg(self) -> tuple[tuple[float, float], ...]:
-        """No-go sectors, the end of each the larger: of a modulo axis 350 to 10 deg is 350 to 370 deg."""
-        return tuple(
-            (begin, end + 360.0 if self.modulo and end < begin else end) for begin, end in self.no_go_deg
-        )
+        """No-go sectors, the end of each the larger; of a modulo axis they begin in its turn: 350 to 10 is 350 to 370."""
+        return tuple(map(self._in_turn, self.no_go_deg)) if self.modulo else self.no_go_deg
+
+    def _in_turn(self, sector: tuple[float, float]) -> tuple[float, float]:
+        """A sector as it lies from the begin of the turn on, by whole turns: no rounding reaches its ends."""
+        begin, end = sector
+        begin -= 360.0 * math.floor((begin - self.pos_min_deg) / 360.0)
+        return begin, end - 360.0 * (math.ceil((end - begin) / 360.0) - 1.0)
 
     @property
     def home_stretch_deg(self) -> tuple[float, float]:
