@@ -161,6 +161,7 @@ class Context:
         watch: progress and pictures of this step.
         instrument: makes the instrument at the load, once the axis is open; None without one.
         certificate: of its calibration; "" where nobody has named one.
+        speed_max_deg_s: nothing moves faster, by what the drive lacks; inf where nothing limits it.
     """
 
     machine: Machine
@@ -172,6 +173,7 @@ class Context:
     watch: StepWatch
     instrument: InstrumentMaker | None
     certificate: str
+    speed_max_deg_s: float = math.inf
 
 
 def figure_text(value: float, decimals: int, *, signed: bool = False) -> str:

@@ -41,7 +41,7 @@ from gantryctl.machine.places import reach_deg
 from gantryctl.operation.bus_log import freeze
 from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
 from gantryctl.operation.ledger.acceptance import proven_hash
-from gantryctl.operation.ledger.judging import known_of_model, unproven
+from gantryctl.operation.ledger.judging import known_of_model, speed_max_deg_s, unproven
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
 from gantryctl.operation.ledger.limits import RAMP, TORQUE
 from gantryctl.operation.ledger.rows import MEASURED
@@ -331,6 +331,7 @@ class Commissioning:
             watch,
             self._instrument,
             self._certificate,
+            speed_max_deg_s(self.ledger),
         )
         try:
             result = step.run(context)

@@ -57,7 +57,7 @@ def ramp(c: Context) -> StepResult:
     top, wanted = c.machine.speed.setting_max_deg_s, c.machine.virtual_axis.quick_dec_deg_s2
     seen: list[_Ramp] = []
     figures: dict[str, Figure] = {}
-    fastest = trial_speed_deg_s(c.machine)
+    fastest = min(trial_speed_deg_s(c.machine), c.speed_max_deg_s)
     for number, speed in enumerate([speed for speed in _SPEEDS if speed <= fastest] or [fastest]):
         try:
             # Forward and back: the gantry ends near where it began.

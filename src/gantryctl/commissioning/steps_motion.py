@@ -129,7 +129,7 @@ def stops(c: Context) -> StepResult:
     figures: dict[str, Figure] = {}
     decs: list[float] = []
     direction = 1.0
-    for speed in _stop_speeds(c.machine):
+    for speed in _stop_speeds(c):
         for stop in (_quick_stop, _silent_stop):
             try:
                 what, measured, computed = stop(c, direction * speed, decs)
@@ -149,10 +149,10 @@ def stops(c: Context) -> StepResult:
     return judged(True, "stops", proof, _TOO_LONG, **figures)
 
 
-def _stop_speeds(machine: Machine) -> tuple[float, float]:
+def _stop_speeds(c: Context) -> tuple[float, float]:
     """1 and 3 deg/s; where the axis is not so fast, or stops too far, what it permits, and half of that at most."""
     slow, fast = _STOP_SPEEDS
-    fast = min(fast, trial_speed_deg_s(machine))
+    fast = min(fast, trial_speed_deg_s(c.machine), c.speed_max_deg_s)
     return min(slow, 0.5 * fast), fast
 
 
@@ -260,9 +260,10 @@ def slow_turn(c: Context) -> StepResult:
     """Fit friction and eccentric moment to the torque over the angle, both ways."""
     least, most = reach_deg(c.machine)
     low, high = least + _MARGIN_DEG, most - _MARGIN_DEG
-    speed = turn_speed_deg_s(c.machine)
     # Forward to the end and from the other end back to where it began: both ways are whole.
     with _recorded_run(c, "the whole travel") as (run, recorder):
+        # What the drive lacks may make the axis slower than its machine file does.
+        speed = min(turn_speed_deg_s(c.machine), run.speed_max_deg_s)
         encoders, progress = BothEncoders(run), c.watch.observer()
 
         def look(snapshot: Snapshot) -> None:

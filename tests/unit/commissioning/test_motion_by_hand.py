@@ -43,6 +43,8 @@ def test_the_leash_of_a_stop_ends_with_the_way_that_it_may_take(
 class Moves:
     """A run of the axis: what it was told, and the trace that it leaves."""
 
+    speed_max_deg_s = 6.0
+
     def __init__(self, monkeypatch: pytest.MonkeyPatch, angle_deg: float, **trace: Any) -> None:
         self.angle_deg, self.told = angle_deg, list[tuple[Any, ...]]()
         recorder = SimpleNamespace(trace=lambda: {name: np.array(rows) for name, rows in trace.items()})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, StateError,
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Stop
-from gantryctl.operation.ledger import Standing
+from gantryctl.operation.ledger import LedgerRow, Standing
 from gantryctl.operation.ledger.kept_facts import facts_path, store_facts
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM
 from gantryctl.operation.proofs import load_record, record_path
@@ -214,6 +215,27 @@ def test_a_step_gets_the_drive_as_it_was_found_and_leaves_its_pictures(
     assert given == [(found, tracker, "D-K-4711", before)]
     assert result is not None
     assert result.pictures == (picture,)
+
+
+@pytest.mark.parametrize(("limits", "fastest"), [((), math.inf), ((4.5, 2.5, None), 2.5)])
+def test_a_step_goes_no_faster_than_what_the_drive_lacks_permits(
+    made: Callable[..., Commissioning],
+    monkeypatch: pytest.MonkeyPatch,
+    limits: tuple[float | None, ...],
+    fastest: float,
+) -> None:
+    rows = tuple(
+        LedgerRow(f"row {k}", Standing.LACKING, speed_max_deg_s=each) for k, each in enumerate(limits)
+    )
+    monkeypatch.setattr(commissioning_run, "read_ledger", lambda *_, **__: rows)
+    given: list[float] = []
+
+    def run(c: Any) -> StepResult:
+        given.append(c.speed_max_deg_s)
+        return StepResult("a", P, "")
+
+    made().do(replace(A, run=run))
+    assert given == [fastest]
 
 
 def test_what_is_known_and_what_is_lacking_is_told_before_any_step(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -42,14 +44,19 @@ class Ramps:
 
 
 @pytest.mark.parametrize(
-    ("top_deg_s", "speeds"), [(6.0, [0.3, -0.6, 1.0, -2.0, 3.0]), (2.0, [0.3, -0.6, 1.0, -2.0])]
+    ("top_deg_s", "allowed_deg_s", "speeds"),
+    [
+        (6.0, math.inf, [0.3, -0.6, 1.0, -2.0, 3.0]),
+        (2.0, math.inf, [0.3, -0.6, 1.0, -2.0]),
+        (6.0, 0.9, [0.3, -0.6]),
+    ],
 )
 def test_ramps_are_seen_forward_and_back_and_no_faster_than_the_axis_may_go(
-    monkeypatch: pytest.MonkeyPatch, top_deg_s: float, speeds: list[float]
+    monkeypatch: pytest.MonkeyPatch, top_deg_s: float, allowed_deg_s: float, speeds: list[float]
 ) -> None:
     """So that the gantry ends near where it began."""
     ramps, machine = Ramps(monkeypatch), with_values(MACHINE, {"speed.setting_max_deg_s": top_deg_s})
-    found = steps_lacks.ramp(context(machine))
+    found = steps_lacks.ramp(replace(context(machine), speed_max_deg_s=allowed_deg_s))
     assert (found.outcome, ramps.speeds) == (Outcome.PASSED, speeds)
 
 

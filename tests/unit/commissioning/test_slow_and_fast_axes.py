@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -37,11 +38,16 @@ def commanded(drive: HandDrive) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("top_deg_s", "speeds"),
-    [(6.0, [1.0, -1.0, 3.0, -3.0]), (2.0, [1.0, -1.0, 2.0, -2.0]), (1.2, [0.6, -0.6, 1.2, -1.2])],
-)
-def test_stops_are_shown_up_to_the_highest_setting(
-    monkeypatch: pytest.MonkeyPatch, top_deg_s: float, speeds: list[float]
+    ("top_deg_s", "allowed_deg_s", "speeds"),
+    [
+        (6.0, math.inf, [1.0, -1.0, 3.0, -3.0]), (2.0, math.inf, [1.0, -1.0, 2.0, -2.0]),
+        (1.2, math.inf, [0.6, -0.6, 1.2, -1.2]),
+        # Nothing moves faster, by what the drive lacks.
+        (6.0, 2.5, [1.0, -1.0, 2.5, -2.5]), (6.0, 0.9, [0.45, -0.45, 0.9, -0.9]),
+    ],
+)  # fmt: skip
+def test_stops_are_shown_up_to_the_highest_speed_in_force(
+    monkeypatch: pytest.MonkeyPatch, top_deg_s: float, allowed_deg_s: float, speeds: list[float]
 ) -> None:
     asked: list[float] = []
 
@@ -52,7 +58,9 @@ def test_stops_are_shown_up_to_the_highest_setting(
     monkeypatch.setattr(steps_motion, "_quick_stop", stop)
     monkeypatch.setattr(steps_motion, "_silent_stop", stop)
     monkeypatch.setattr(steps_motion, "_jog_release", lambda c, speed: 0.01)
-    steps_motion.stops(context(axis_with(top_deg_s, speed__setting_min_deg_s=0.5)))
+    steps_motion.stops(
+        replace(context(axis_with(top_deg_s, speed__setting_min_deg_s=0.5)), speed_max_deg_s=allowed_deg_s)
+    )
     assert asked == speeds
 
 
@@ -178,12 +186,16 @@ def test_the_ring_is_turned_by_its_way_whatever_the_axis_can(
 
 
 @pytest.mark.parametrize(
-    ("least", "most", "speed", "lasts_s"),
+    ("least", "most", "allowed", "speed", "lasts_s"),
     # To one end of 360 deg, to the other and to the middle; ramps of 0.393 deg/s2.
-    [(0.6, 6.0, 3.0, 262.9), (0.2, 2.0, 2.0, 375.3), (4.0, 6.0, 4.0, 210.5)],
-)
+    [
+        (0.6, 6.0, 6.0, 3.0, 262.9), (0.2, 2.0, 2.0, 2.0, 375.3), (4.0, 6.0, 6.0, 4.0, 210.5),
+        # The ledger of the drive lets nothing move faster than 2.5 deg/s.
+        (0.6, 6.0, 2.5, 2.5, 262.9),
+    ],
+)  # fmt: skip
 def test_the_slow_turn_has_a_speed_that_the_axis_takes(
-    monkeypatch: pytest.MonkeyPatch, least: float, most: float, speed: float, lasts_s: float
+    monkeypatch: pytest.MonkeyPatch, least: float, most: float, allowed: float, speed: float, lasts_s: float
 ) -> None:
     asked: list[float] = []
 
@@ -191,7 +203,7 @@ def test_the_slow_turn_has_a_speed_that_the_axis_takes(
         asked.append(speed_deg_s)
         return SimpleNamespace(done=False)
 
-    run: Any = SimpleNamespace(move=move, observe=lambda look: None)
+    run: Any = SimpleNamespace(speed_max_deg_s=allowed, move=move, observe=lambda look: None)
     monkeypatch.setattr(steps_motion, "_recorded_run", lambda c, part: nullcontext((run, None)))
     machine = axis_with(most, speed__setting_min_deg_s=least)
     assert steps_motion.slow_turn(context(machine)).number("speed_deg_s") == speed

@@ -28,7 +28,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch, trace: dict[str, np.ndarray]) -> N
     def run(c: object, part: str) -> Iterator[tuple[Any, Any]]:
         nothing = lambda *_: SimpleNamespace(done=True)  # noqa: E731
         yield (
-            SimpleNamespace(angle_deg=0.0, jog=nothing, move=nothing, observe=nothing),
+            SimpleNamespace(angle_deg=0.0, speed_max_deg_s=6.0, jog=nothing, move=nothing, observe=nothing),
             SimpleNamespace(trace=lambda: trace),
         )
 
@@ -57,7 +57,7 @@ def test_a_turn_whose_move_did_not_end_in_position_fails(
     @contextmanager
     def run(c: object, part: str) -> Iterator[tuple[Any, Any]]:
         move = lambda *_: SimpleNamespace(done=left.pop(0))  # noqa: E731
-        yield SimpleNamespace(move=move, observe=lambda look: None), None
+        yield SimpleNamespace(speed_max_deg_s=6.0, move=move, observe=lambda look: None), None
 
     monkeypatch.setattr(steps_motion, "_recorded_run", run)
     found = steps_motion.slow_turn(context())

@@ -79,7 +79,8 @@ def test_friction_of_a_short_travel_is_told_in_kn_m(monkeypatch: pytest.MonkeyPa
     @contextmanager
     def run(*_: object) -> Iterator[tuple[Any, Any]]:
         nothing = lambda *_: SimpleNamespace(done=True)  # noqa: E731
-        yield SimpleNamespace(move=nothing, observe=nothing), SimpleNamespace(trace=lambda: trace)
+        run = SimpleNamespace(speed_max_deg_s=6.0, move=nothing, observe=nothing)
+        yield run, SimpleNamespace(trace=lambda: trace)
 
     monkeypatch.setattr(steps_motion, "_recorded_run", run)
     monkeypatch.setattr(steps_motion, "reach_deg", lambda _: (-50.0, 50.0))

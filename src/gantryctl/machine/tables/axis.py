@@ -126,7 +126,7 @@ class AxisTable(Table):
 
     @property
     def sectors_deg(self) -> tuple[tuple[float, float], ...]:
-        """No-go sectors, the end of each the larger; of a modulo axis they begin in its turn: 350 to 10 is 350 to 370."""
+        """No-go sectors, the end the larger; of a modulo axis they begin in its turn: 350 to 10 is 350 to 370."""
         return tuple(map(self._in_turn, self.no_go_deg)) if self.modulo else self.no_go_deg
 
     def _in_turn(self, sector: tuple[float, float]) -> tuple[float, float]:
