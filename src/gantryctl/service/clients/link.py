@@ -76,7 +76,7 @@ class ServiceLink:
         self._warn = warn
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(_TIMEOUT_S)
-        self._data = b""
+        self._data, self._ended = b"", ""
         self._seq = 0
         self._replies: dict[int, dict[str, Any]] = {}
         self.tags: dict[str, Any] = {}
@@ -133,6 +133,8 @@ class ServiceLink:
 
     def say(self, kind: str, **values: Any) -> int:
         """Send a command without waiting; its number."""
+        if self._ended:
+            raise DeviceError(self._ended)
         self._seq += 1
         # Stops are judged first and never refused, whatever has happened since (decision 0011): no epoch.
         epoch = {} if kind in WITHOUT_EPOCH else {"epoch": self.tags["epoch"]}
@@ -174,7 +176,7 @@ class ServiceLink:
         while self.frame == frame and (left_s := until_s - time.monotonic()) > 0.0:
             self._socket.settimeout(left_s)
             try:
-                self._take(self._next())
+                self._take(self._received())
             except TimeoutError:
                 return
 
@@ -186,6 +188,20 @@ class ServiceLink:
             self._replies[message["seq"]] = message
 
     def _next(self) -> dict[str, Any]:
+        """Wait for the next message; frames come all the time, so silence is an end, also for what is asked next."""
+        if self._ended:
+            raise DeviceError(self._ended)
+        try:
+            return self._received()
+        except TimeoutError as silence:
+            # Whatever this command still asks for would wait as long, and keep control for that time.
+            self._ended = (
+                f"the service has said nothing for {_TIMEOUT_S:g} s, and whether the axis moves is not known: stop it "
+                "at the machine"
+            )
+            raise DeviceError(self._ended) from silence
+
+    def _received(self) -> dict[str, Any]:
         while b"\n" not in self._data:
             try:
                 more = self._socket.recv(65536)
@@ -199,5 +215,8 @@ class ServiceLink:
                 raise DeviceError("the service has closed the connection")
             self._data += more
         line, self._data = self._data.split(b"\n", 1)
-        found: dict[str, Any] = json.loads(line)
+        try:
+            found: dict[str, Any] = json.loads(line)
+        except ValueError as fault:
+            raise DeviceError(f"the service says what is not understood: {fault}") from fault
         return found
