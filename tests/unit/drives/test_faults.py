@@ -242,6 +242,15 @@ def test_a_stuck_state_obeys_nothing_but_the_power() -> None:
     drive.inject("mains_ready", False)
     drive.run(0.01, 0.0)
     assert drive.drive.state is DriveState.SWITCH_ON_DISABLED
+    # Nor a reset, with the power or without: its fault stays.
+    drive.inject("mains_ready", True)
+    drive.drive.trip(0x7500)
+    for request in (DriveRequest.ENABLE, DriveRequest.FAULT_RESET, DriveRequest.FAULT_RESET):
+        drive.run(0.001, 0.0, request)
+    assert (drive.drive.state, drive.drive.error_code) == (DriveState.FAULT, 0x7500)
+    drive.inject("stuck_state", False)
+    drive.run(0.001, 0.0, DriveRequest.FAULT_RESET)
+    assert (drive.drive.state, drive.drive.error_code) == (DriveState.SWITCH_ON_DISABLED, 0)
 
 
 def test_a_fault_that_is_over_leaves_no_trace() -> None:

@@ -40,15 +40,25 @@ def test_against_its_brake_it_stands() -> None:
     assert drive.read().vel_act_rad_s == 0.0
 
 
-def test_a_quick_stop_has_the_deceleration_of_the_machine_file() -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_quick_stop_has_the_deceleration_of_the_machine_file(sign: float) -> None:
     drive = enabled()
-    vel = math.radians(5.4) * IDEAL.axis.ratio
+    vel = sign * math.radians(5.4) * IDEAL.axis.ratio
     drive.write(OutputImage(DriveRequest.ENABLE, vel, brake_open=True))
     scans = 0
     while drive.vel_rad_s != 0.0:
         drive.write(OutputImage(DriveRequest.QUICK_STOP, brake_open=True))
         scans += 1
     assert scans * 1e-3 == pytest.approx(5.4 / IDEAL.virtual_axis.quick_dec_deg_s2, abs=2e-3)
+
+
+def test_a_drive_that_is_off_has_no_torque() -> None:
+    drive = enabled()
+    told = []
+    for request in (DriveRequest.ENABLE, DriveRequest.QUICK_STOP, DriveRequest.DISABLE):
+        drive.write(OutputImage(request, torque_ff_nm=12.0))
+        told.append(drive.read().torque_act_nm)
+    assert told == [12.0, 12.0, 0.0]
 
 
 def test_whole_counts_only() -> None:

@@ -85,3 +85,12 @@ def test_a_plant_on_a_bus_that_swings_up_is_a_lost_device() -> None:
     node.plant.change_plant("inertia_load_kg_m2", 1e-3)
     with pytest.raises(DeviceError, match="cannot be computed"):
         node.advance(5_000_000)
+
+
+@pytest.mark.parametrize("present", [True, False])
+def test_a_second_pinion_comes_and_goes_with_no_running_plant(present: bool) -> None:
+    plant = PLANT.copy()
+    plant.second_pinion = present
+    assert with_value(plant, "second_pinion", float(present)).second_pinion is present
+    with pytest.raises(UsageError, match="'second_pinion' cannot change while the plant runs"):
+        with_value(plant, "second_pinion", float(not present))

@@ -198,6 +198,37 @@ def test_a_drive_that_trips_while_it_is_enabled_has_no_torque_in_the_next_scan(m
     assert drive.read().state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
 
+def test_a_trip_in_the_scan_of_a_reset_stands_until_the_next_one(machine: Machine) -> None:
+    """A reset resets a fault that is shown: what comes with it keeps its code, and DISABLE does not end it."""
+    drive = sim_drive(machine)
+    run(drive, 0.05, 0.0)
+    drive.trip(0x7500)
+    for request in (DriveRequest.FAULT_RESET, DriveRequest.DISABLE, DriveRequest.ENABLE):
+        drive.write(OutputImage(request))
+        assert (drive.read().state, drive.read().error_code) == (DriveState.FAULT, 0x7500)
+    drive.write(OutputImage(DriveRequest.FAULT_RESET))
+    assert (drive.read().state, drive.read().error_code) == (DriveState.SWITCH_ON_DISABLED, 0)
+
+
+@pytest.mark.parametrize("spoilt", [False, True])
+@pytest.mark.parametrize("request_", [DriveRequest.ENABLE, DriveRequest.QUICK_STOP])
+def test_torque_that_is_fed_forward_acts_under_a_quick_stop_too(
+    machine: Machine, request_: DriveRequest, spoilt: bool
+) -> None:
+    """40 N m more from one scan to the next: what holds a load does not go as its axis stops.
+
+    Within a scan of 1 ms the current follows by more than half, and the speed loop takes back less than the rest.
+    """
+    plain, fed = (sim_drive(machine, 90.0) for _ in range(2))
+    for drive in (plain, fed):
+        drive.faults.warning = spoilt
+        run(drive, 0.3, 0.0)
+        drive.write(OutputImage(request_, brake_open=True))
+    for torque_nm, drive in ((0.0, plain), (40.0, fed)):
+        drive.write(OutputImage(request_, torque_ff_nm=torque_nm, brake_open=True))
+    assert 20.0 < fed.read().torque_act_nm - plain.read().torque_act_nm <= 40.0
+
+
 def moving(machine: Machine):
     """A drive that has turned with 1 deg/s for half a second."""
     drive = sim_drive(machine, 0.0)

@@ -181,7 +181,7 @@ def _show(
         print_table(truth_table("Identified, beside the truth of the simulator", "found", beside, digits=6))
     else:
         print_table(numbers_table(calibration))
-    for line in ("", *lead_lines(found), *unknown_lines(calibration)):
+    for line in ("", *lead_lines(found, machine.axis.dial), *unknown_lines(calibration)):
         click.echo(line)
     swing, acc = calibration.identified.swing_hz, machine.virtual_axis.acc_deg_s2
     if swing is not None:

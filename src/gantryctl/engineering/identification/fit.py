@@ -193,8 +193,9 @@ def check_valid(machine: Machine, found: CalibrationFit) -> None:
     """
     if found.validation.refused:
         raise CriterionNotMet(
-            f"{machine.name}: {found.validation.words}; more than a third of the lead is left, so no calibration is "
-            "written: look at the gears there, or name the wave in [control.compensation.gear_map] cycles_per_turn"
+            f"{machine.name}: {found.validation.words(machine.axis.dial)}; more than a third of the lead is left, so "
+            "no calibration is written: look at the gears there, or name the wave in [control.compensation.gear_map] "
+            "cycles_per_turn"
         )
 
 

@@ -11,6 +11,7 @@ from gantryctl.engineering.identification.waves import ToothWaves
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.machine import NUMBERS, Calibration
 from gantryctl.machine.calibration import FAST_WAVES, MAP_HARMONICS
+from gantryctl.units import Dial
 
 
 def truth_table(title: str, head: str, rows: Iterable[Comparison], digits: int) -> TextTable:
@@ -42,7 +43,7 @@ def numbers_table(calibration: Calibration) -> TextTable:
     return TextTable("Identified", ("", "found", "+- (95 %)", ""), rows)
 
 
-def lead_lines(found: CalibrationFit) -> list[str]:
+def lead_lines(found: CalibrationFit, dial: Dial) -> list[str]:
     """What the map holds, the waves beside it, and how it does on a move that was not in the fit."""
     lead, fast = found.lead, found.maps.fast
     waves = ", ".join(f"{cycles:g}" for cycles, _, _ in sorted(fast)) or "none"
@@ -56,7 +57,7 @@ def lead_lines(found: CalibrationFit) -> list[str]:
         lines.append(
             f"warning: the law has no place for the waves {', '.join(f'{c:g}' for c in found.left_over)}"
         )
-    return [*lines, f"{'warning: ' if found.validation.warned else ''}{found.validation.words}"]
+    return [*lines, f"{'warning: ' if found.validation.warned else ''}{found.validation.words(dial)}"]
 
 
 def _teeth_words(teeth: ToothWaves) -> str:

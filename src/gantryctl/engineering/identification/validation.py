@@ -15,6 +15,7 @@ import numpy as np
 from gantryctl.engineering.identification.lead import Lead
 from gantryctl.engineering.identification.samples import Floats, Samples
 from gantryctl.engineering.identification.waves import waves_of
+from gantryctl.units import Dial
 
 # Model that removes less than two thirds of the lead: refused, it is not worth following.
 _REFUSED_PART: Final = 1.0 / 3.0
@@ -54,15 +55,16 @@ class Validation(NamedTuple):
         """The model lacks something."""
         return self.repeats_deg > _WARNED_PART * self.lead_deg
 
-    @property
-    def words(self) -> str:
-        """What is left, for people."""
+    def words(self, dial: Dial) -> str:
+        """What is left, for people, with angles as `dial` reads them."""
         low, high = self.at_deg
+        # A sector of an axis with little travel is narrower than a degree.
+        low_text, high_text = (dial.text(end, ".0f" if high - low >= 2.0 else ".2f") for end in (low, high))
         what = f"a wave of {self.cycles:.4g} per turn" if self.cycles else "no single wave"
         return (
             f"a move each way that was not in the fit: of a lead of {self.lead_deg:.5f} deg the model leaves "
             f"{self.left_deg:.5f} deg, of which {self.repeats_deg:.5f} deg come again at the same angle (rms): "
-            f"{what}, most of it between {low:.0f} and {high:.0f} deg"
+            f"{what}, most of it between {low_text} and {high_text} deg"
         )
 
 

@@ -91,7 +91,7 @@ def test_the_jerk_whose_ramps_last_one_swing(
     assert calibration is not None
     identified = calibration.identified.model_copy(update={"swing_hz": 2.5})
     calibration = calibration.model_copy(update={"identified": identified})
-    monkeypatch.setattr(text, "lead_lines", lambda _: [])
+    monkeypatch.setattr(text, "lead_lines", lambda *_: [])
     found: Any = SimpleNamespace(recording=SimpleNamespace(axis_time_s=1560.0), residual_deg=1e-4)
     _show(tmp_path / "c.toml", machine, calibration, found, [])
     told = capsys.readouterr().out

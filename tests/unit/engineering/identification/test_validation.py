@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from gantryctl.engineering.identification.lead import fit_lead
-from gantryctl.engineering.identification.samples import Samples
+from gantryctl.engineering.identification.fit import check_valid
+from gantryctl.engineering.identification.lead import Lead, fit_lead
+from gantryctl.engineering.identification.samples import Samples, joined
 from gantryctl.engineering.identification.validation import Validation, validated
 from gantryctl.engineering.identification.waves import Band
+from gantryctl.errors import CriterionNotMet
+from gantryctl.machine import default_machine, with_values
+from gantryctl.units import SIGNED, Dial
 
 FLANK_NM = 1e3
 BAND = Band(0.0, 360.0)
@@ -54,7 +61,51 @@ def test_a_fault_of_a_few_teeth_is_told_with_its_place() -> None:
     assert found.warned
     assert found.cycles == 0.0
     assert found.at_deg[0] < np.degrees(0.9) < found.at_deg[1]
-    assert "come again at the same angle" in found.words
+    assert "come again at the same angle" in found.words(SIGNED)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_wrong_one_way_alone_is_told(sign: float) -> None:
+    """A bump of 80 urad at 0.9 rad in one direction, before a model that knows nothing.
+
+    Gaussian, 0.04 rad wide, over a way of 3.14 rad: its square has the mean 80^2 x 0.04 sqrt(pi) / 3.14 = 12^2 there,
+    and half of that of both directions: 8.5 urad, but for the mean of the bump itself.
+    """
+
+    def bump(act: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        return 8e-5 * np.exp(-0.5 * ((act - 0.9) / 0.04) ** 2) * (direction == sign)
+
+    turns, check = moved(-3.13, 3.13, 1, bump), moved(-1.57, 1.57, 2, bump)
+    nothing = Lead(np.zeros(1), np.zeros(1), [], [], None, np.inf, turns.act_rad - turns.load_rad, None)
+    found = validated(nothing, turns, check, np.zeros_like(check.act_rad), FLANK_NM, 0.0, BAND.high)
+    assert found.repeats_deg == pytest.approx(np.degrees(8.5e-6), rel=0.1)
+    assert found.refused
+    assert found.at_deg[0] < np.degrees(0.9) < found.at_deg[1]
+
+
+def test_the_place_is_told_as_people_read_it() -> None:
+    """A display of 0..360 deg has 300 deg where the axis has -60; a tilt table has sectors of a third of a degree."""
+    found = Validation(0.004, 0.003, 0.002, 22.0, (-60.0, -45.0))
+    assert found.words(Dial(0.0)).endswith("a wave of 22 per turn, most of it between 300 and 315 deg")
+    assert found.words(SIGNED).endswith("most of it between -60 and -45 deg")
+    small = found._replace(cycles=0.0, at_deg=(3.0, 3.333))
+    assert small.words(SIGNED).endswith("no single wave, most of it between 3.00 and 3.33 deg")
+    machine = with_values(default_machine(), {"axis.display": "0..360"})
+    refused: Any = SimpleNamespace(validation=found)
+    with pytest.raises(
+        CriterionNotMet, match="between 300 and 315 deg; more than a third of the lead is left"
+    ):
+        check_valid(machine, refused)
+
+
+def test_pieces_of_two_moves_are_never_one() -> None:
+    """What disturbs one piece of time disturbs no piece of another move, whatever its number was there."""
+    parts = [moved(-0.3, 0.3, seed, smooth) for seed in (1, 2)]
+    pieces = joined(parts).stretch
+    first, second = np.split(pieces, 2)
+    assert not set(first) & set(second)
+    for part, own in zip(parts, (first, second), strict=True):
+        assert len(set(own)) == len(set(part.stretch)) > 1
 
 
 def test_maps_that_leave_most_of_the_lead_are_refused() -> None:
