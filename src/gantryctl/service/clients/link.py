@@ -133,8 +133,6 @@ class ServiceLink:
 
     def say(self, kind: str, **values: Any) -> int:
         """Send a command without waiting; its number."""
-        if self._ended:
-            raise DeviceError(self._ended)
         self._seq += 1
         # Stops are judged first and never refused, whatever has happened since (decision 0011): no epoch.
         epoch = {} if kind in WITHOUT_EPOCH else {"epoch": self.tags["epoch"]}
