@@ -160,6 +160,28 @@ describe('what is shown', () => {
   });
 });
 
+test('a session that the service has ended is not tried again; a connection that is lost is', async () => {
+  const before = asked;
+  socket.close(4401);
+  await pass(5000);
+  expect([link.session, asked]).toEqual([null, before]);
+  await link.start();
+  Socket.all.at(-1)!.close(1006);
+  await pass(5000);
+  expect(link.session?.user).toBe('anna');
+  expect(asked).toBeGreaterThan(before + 1);
+  socket = Socket.all.at(-1)!;
+});
+
+test('what is not known of stale data is a gap in the curves', async () => {
+  frame({ time_s: 10, pos_act_deg: 1 });
+  frame({ time_s: 10.05, pos_act_deg: 2 });
+  await pass(1000);
+  frame({ time_s: 11.05, pos_act_deg: 3 });
+  const { pos_act_deg } = link.history.last(30);
+  expect(pos_act_deg).toEqual([1, 2, null, 3]);
+});
+
 test('a connection that ends late takes nothing from the next one', async () => {
   const old = socket;
   old.close = () => void (old.readyState = 2); // it waits for the other side

@@ -65,6 +65,8 @@ describe('what starts motion', () => {
     [{ authority_client: null }, 'why_control'],
     [{ brake_test_overdue: true }, ''],
     [{ brake_test_overdue: true, speed_cap_deg_s: 1 }, 'why_overdue'],
+    [{ brake_test_overdue: true, speed_cap_deg_s: 1, enabling_switch: true }, 'why_overdue'],
+    [{ alarms: [{ severity: 'STOP', acknowledged_by: 'ben' } as AlarmRow] }, 'why_alarm'],
   ])('with %o is refused by "%s"', (more, why) => {
     tags(more);
     expect(whyNot('move', motion())).toBe(why);

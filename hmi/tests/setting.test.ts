@@ -105,6 +105,42 @@ test('a range is told in digits that are allowed: rounded to the inside where tw
   expect(range(0.1998, 1.998, 6)).toBe('0.034 … 0.333');
 });
 
+test('a limit that is not allowed itself is outside', () => {
+  const outside = (open: boolean, text: string): boolean => {
+    if (shown) void unmount(shown);
+    const props = { label: 'x', tag: 'increment_deg', action: 'set_speed', unit: '°' } as const;
+    shown = mount(Setting, {
+      target: document.body,
+      props: { ...props, decimals: 3, low: 0, high: 5, open },
+    });
+    link.stale = false;
+    flushSync();
+    type(document.querySelector('input')!, text);
+    return document.querySelector('button')!.disabled;
+  };
+  expect([outside(true, '0'), outside(true, '0.001'), outside(true, '5'), outside(true, '5.001')]).toEqual([
+    true,
+    false,
+    false,
+    true,
+  ]);
+  expect(outside(false, '0')).toBe(false);
+});
+
+test('what was done leaves no refusal behind', async () => {
+  const send = vi.spyOn(link, 'send').mockResolvedValue({ ...DONE, ok: false, text: 'off' });
+  const { field, button, why } = setting();
+  type(field, '0.25');
+  button.click();
+  await vi.waitFor(() => expect(why()).toContain('No connection'));
+  send.mockResolvedValue(DONE);
+  link.stale = false;
+  flushSync();
+  button.click();
+  await vi.waitFor(() => expect(field.value).toBe('0.100'));
+  expect(why()).not.toContain('No connection');
+});
+
 test('a refusal goes when another value is typed', async () => {
   vi.spyOn(link, 'send').mockResolvedValue({ ...DONE, ok: false, text: 'off' });
   const { field, button, why } = setting();

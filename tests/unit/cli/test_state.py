@@ -75,6 +75,10 @@ def test_alarms_are_listed_newest_first_and_say_what_holds_the_axis() -> None:
     assert len(lines) == 4
     assert lines[0].endswith("(holds the axis: gantryctl reset)")
     assert lines[1].startswith("  LIM-03 STOP · ")
+    # The one before has the same code, and was reset.
+    assert lines[3].startswith("  LIM-03 STOP · ")
+    assert "holds the axis" not in lines[2]
+    assert "It still holds the axis: gantryctl reset, when its cause is removed." in done("why").out
     last = done("alarms", "--last").out.splitlines()
     assert last == lines[:2]
     assert rows("status")["last alarm"] == lines[1].strip()
@@ -99,6 +103,9 @@ def test_an_alarm_that_says_not_to_reset_is_not_listed_with_reset() -> None:
     assert "(holds the axis: only service resets it)" in said
     assert "gantryctl reset" not in said
     assert "then reset" not in done("status").out.replace(text, "")
+    told = done("why").out
+    assert "It still holds the axis: only service resets it, when its cause is removed." in told
+    assert "gantryctl reset" not in told
 
 
 def test_explain_knows_every_code() -> None:

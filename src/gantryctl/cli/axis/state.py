@@ -114,17 +114,20 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
         print_json([asdict(alarm) for alarm in found])
     elif not found:
         click.echo("no alarms")
+    # An earlier one of the same code was reset: the newest of it is what holds.
+    left = set(holds)
     for alarm in found if not as_json else ():
-        held = f" ({_held(alarm.code)})" if alarm.code in holds else ""
+        held = f" (holds the axis: {who_resets(alarm.code)})" if alarm.code in left else ""
+        left.discard(alarm.code)
         click.echo(f"{alarm.at}  t = {alarm.time_s:.3f} s{held}\n  {alarm.text}")
     return 0
 
 
-def _held(code: str) -> str:
+def who_resets(code: str) -> str:
     """Who may reset an alarm that holds the axis: never "reset" beside an alarm that says not to."""
     from gantryctl.operation.brake_policy import LOCKED
 
-    return "holds the axis: only service resets it" if code in LOCKED else "holds the axis: gantryctl reset"
+    return "only service resets it" if code in LOCKED else "gantryctl reset"
 
 
 @click.command()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from gantryctl.cli.axis.state import who_resets
 from gantryctl.cli.options import (
     config_option,
     json_option,
@@ -76,7 +77,7 @@ def why(config_file: Path | None, out: Path | None, as_json: bool, service: bool
     for line in lines:
         click.echo(line)
     click.echo(
-        "It still holds the axis: `gantryctl reset` when its cause is removed."
+        f"It still holds the axis: {who_resets(stop.first.code)}, when its cause is removed."
         if stop.holds
         else "It does not hold the axis any more."
     )
