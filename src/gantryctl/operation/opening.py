@@ -100,7 +100,8 @@ def open_axis(
         # Memory of this machine file from here on. Not at each power-off: the hash takes 0.4 ms of a scan.
         retained = replace(retained, config_hash=config_hash(machine))
         rows = ledger_of(machine, store, found.drive)
-        fastest = min(machine.speed.setting_max_deg_s, speed_max_deg_s(rows))
+        top = min(each.speed.setting_max_deg_s for each in (machine, controlled_as or machine))
+        fastest = min(top, speed_max_deg_s(rows))
         notes = (*notes, *ledger_notes(machine, rows), *_calibration_notes(controlled_as or machine))
         own_ramp = None if store is None else own_ramp_deg_s2(machine, store.directory)
         made = build_program(

@@ -75,6 +75,15 @@ def test_a_short_move_has_a_smaller_gentle_end(way_deg: float, part: float) -> N
     assert deg(plan.jerk[-1]) == pytest.approx(0.15)
 
 
+@pytest.mark.parametrize("dec_deg_s2", [0.1, 0.19, 0.3])
+def test_a_gentle_end_is_no_harder_than_the_deceleration_of_its_motion(dec_deg_s2: float) -> None:
+    """A program may ask for less than the end of the machine, 0.2 deg/s2."""
+    plan = plan_move(SetPoint(0.0), rad(20.0), GENTLE._replace(dec_rad_s2=rad(dec_deg_s2)))
+    times = [0.001 * k for k in range(int(1000.0 * plan.duration))]
+    assert min(deg(plan.sample(t)[2]) for t in times) == pytest.approx(-dec_deg_s2, rel=1e-6)
+    assert deg(plan.acc[-1]) == pytest.approx(-min(dec_deg_s2, 0.2), rel=1e-6)
+
+
 def test_a_move_too_short_for_a_gentle_end_and_a_stop_have_none() -> None:
     assert deg(plan_move(SetPoint(0.0), rad(1e-5), GENTLE).jerk[-1]) == pytest.approx(1.34)
     stop = plan_stop(SetPoint(0.0, rad(6.0)), GENTLE)

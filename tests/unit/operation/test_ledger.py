@@ -408,6 +408,24 @@ def test_of_a_fault_that_nobody_knows_the_longer_way_counts() -> None:
     assert "111 ms allow 6 deg/s" in str(row.detail)
 
 
+@pytest.mark.parametrize("close_ms", [150.0, 230.0])
+def test_a_drive_of_which_nobody_knows_how_it_stops_moves_as_fast_as_the_slower_of_both_ways_allows(
+    close_ms: float,
+) -> None:
+    """A fast brake holds the axis sooner than the ramp of 5.4 deg/s2; one that takes 0.23 s to close does not."""
+    machine = with_values(
+        REAL,
+        {"can.heartbeat_alone_ms": 150.0, "brake.close_time_ms": close_ms, "speed.overspeed_trip_deg_s": 6.6},
+    )
+    by_ramp, by_brake, unknown = (
+        row_of("stops_without_commands", changed(FACTS, o1400_5=None, o605E=option), machine).speed_max_deg_s
+        or machine.speed.setting_max_deg_s
+        for option in (2, 0, None)
+    )
+    assert (by_ramp < by_brake) is (close_ms == 150.0)
+    assert unknown == min(by_ramp, by_brake)
+
+
 @pytest.mark.parametrize("passed", [frozenset(), frozenset({"torque"})], ids=["not tried", "no figure kept"])
 def test_of_a_limit_that_no_pulse_has_shown_all_is_open(passed: frozenset[str]) -> None:
     row = row_of("limits_torque", changed(FACTS, o6072=None), TORQUE, Proofs(passed))

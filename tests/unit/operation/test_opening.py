@@ -217,6 +217,8 @@ def test_an_experiment_runs_by_its_own_control() -> None:
     settings = opened.program.axis.settings
     assert deg(settings.ramps.acc_rad_s2) == approx(0.2)
     assert deg(settings.speed.setting_max_rad_s) == approx(5.0)
+    # A move without a speed has one that the axis takes.
+    assert opened.speed_max_deg_s == 5.0
     assert opened.retained.machine == MACHINE.name
 
 
@@ -240,3 +242,10 @@ def test_an_experiment_moves_by_the_proofs_of_its_machine(monkeypatch: pytest.Mo
     )
     opening.open_axis(MACHINE, None, controlled_as=with_values(MACHINE, {"machine.name": "other"}))
     assert asked == [MACHINE.name]
+
+
+def test_an_experiment_with_a_faster_profile_goes_no_faster_than_the_machine() -> None:
+    slow = with_values(MACHINE, {"speed.setting_max_deg_s": 3.0})
+    opened = open_axis(slow, None, controlled_as=MACHINE)
+    assert opened.speed_max_deg_s == 3.0
+    assert deg(opened.program.axis.settings.speed.setting_max_rad_s) == approx(3.0)

@@ -123,6 +123,15 @@ def test_the_end_of_a_motion_and_the_way_of_a_stop_are_told():
     assert deg(rig.axis.stopping_angle_rad()) == pytest.approx(3.75, abs=0.01)
 
 
+def test_the_end_of_a_motion_is_told_with_the_override_that_it_has():
+    """100 deg at half of 6 deg/s, with ramps of 0.75 s: 34.083 s."""
+    rig = powered()
+    rig.op(override=0.5)
+    begun_s = rig.scan * rig.period_s
+    rig.move(100.0)
+    assert rig.axis.plan_end_s == pytest.approx(begun_s + 34.0833, abs=2e-3)
+
+
 def test_a_speed_that_is_not_known_is_no_rest():
     """A drive on its own ramp, of whose speed nothing is known: nobody may go near a load that may turn."""
     rig = powered()

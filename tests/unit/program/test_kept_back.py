@@ -11,6 +11,7 @@ from gantryctl.program.axis.motion_command import Dynamics
 from gantryctl.program.monitors.calibration_watch import Finding
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg, rad
+from unit.program.parts import BOTH
 from unit.program.rig import COUNTS_PER_DEG, Rig, powered, press, settings
 from unit.program.test_modulo import modulo
 
@@ -289,3 +290,38 @@ def test_a_brake_that_opens_behind_an_angle_in_doubt_is_told():
     assert rig.axis.is_off
     assert rig.axis.feedback.in_doubt
     assert rig.codes == ["ENC-05", "BRK-06"]
+
+
+@BOTH
+@pytest.mark.parametrize("endless", [True, False])
+def test_what_override_0_holds_back_is_judged_by_a_brake_test_that_is_overdue_meanwhile(way, endless):
+    """Like a new motion: nothing moves faster than 1 deg/s, and the override stays what it is."""
+    rig = powered()
+    motion = rig.axis.motion
+    command = (
+        motion.move_velocity(way * rad(6.0)) if endless else motion.move_absolute(way * rad(60.0), rad(6.0))
+    )
+    rig.run(1.0)
+    assert rig.axis.set_override(0.0) is None
+    rig.run(3.0)
+    assert rig.axis.paused
+    rig.axis.judge_brake(overdue=True)
+    refused = rig.axis.set_override(1.0)
+    assert refused is not None
+    assert refused.code is Code.BRK_12
+    rig.run(1.0)
+    assert (rig.vel_deg_s, rig.axis.virtual.override, command.alive) == (0.0, 0.0, True)
+    rig.axis.judge_brake(overdue=False)
+    assert rig.axis.set_override(1.0) is None
+
+
+def test_a_key_that_is_held_gets_no_faster_than_an_overdue_brake_test_permits():
+    rig = powered()
+    rig.axis.judge_brake(overdue=True)
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(0.9))
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    rig.op(speed_rad_s=rad(3.0))
+    rig.hold_key(1.0)
+    assert rig.axis.refusal.code is Code.BRK_12
+    assert rig.vel_deg_s == pytest.approx(0.9)

@@ -282,6 +282,8 @@ def test_a_swing_there_and_back_is_a_shock_and_four_sides_of_a_second_are_an_osc
 def test_swings_before_a_pause_of_half_a_second_count_no_more(way):
     before = ((way, 0.2), (-way, 0.2), (way, 0.2), (-way, 0.2))
     assert swung(*before, (0.0, 0.6), (way, 1.1), (-way, 0.1)) == []
+    # Nor does the time since then: what follows is half a second of swings.
+    assert swung(*before, (0.0, 2.0), *((way, 0.1), (-way, 0.1)) * 2, (way, 0.1)) == []
 
 
 @pytest.mark.parametrize("first", ["plus", "minus"])
