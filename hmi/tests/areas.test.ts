@@ -365,6 +365,8 @@ describe('a message', () => {
     prefs.language = 'zh';
     expect(said([refused], 'english')).toMatch(/^目标 200\.00° .*\+180\.00°/);
     expect(said([refused, { words: 'NO_SUCH_WORD', values: {} }], 'english')).toBe('english');
+    expect(said([{ ...refused, values: {} }], 'english')).toBe('english'); // a long reply comes without them
+    expect(said([{ ...refused, values: { ...refused.values, limit: 0 } }], 'english')).toContain('+0.00°');
     expect(said([], 'english')).toBe('english');
     expect(said(null, undefined)).toBe('');
   });

@@ -61,3 +61,10 @@ test.each(WORDS)('%s does not say the contrary', (key, [english, chinese], [notE
   expect(zh[key]).toMatch(chinese);
   expect(zh[key]).not.toMatch(notChinese);
 });
+
+test('both languages have the same values to fill in, and the same figures', () => {
+  const parts = (text: string): string[] =>
+    [...text.matchAll(/\{\w+\}|\d+(?:\.\d+)?/g)].map(([part]) => part).sort();
+  for (const key of Object.keys(en) as (keyof typeof en)[])
+    expect([key, parts(zh[key])]).toEqual([key, parts(en[key])]);
+});

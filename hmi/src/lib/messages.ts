@@ -47,21 +47,20 @@ function inChinese(message: Message): string {
   return 'code' in message || text === '' ? text : `${code} · ${text} · ${CODES[code]?.to_do}`;
 }
 
-/** `{limit:+.2f}` stands for a number with sign and decimals, `{name}` for whatever the value is. */
-function filled(template: string | undefined, values: Values, nested = inChinese): string {
-  return (template ?? '').replace(
-    /\{(\w+)(?::(\+?)(?:\.(\d+))?([fg]))?\}/g,
-    (_, name, sign, digits, kind) => {
-      const value = values[name as string] ?? '';
-      const group = GROUPS[name as string];
-      if (group && typeof value === 'string') return word(group, value);
-      if (Array.isArray(value)) return value.map(nested).join('；');
-      if (typeof value !== 'number') return nested(value);
-      const text =
-        kind === 'f'
-          ? value.toFixed(Number(digits))
-          : String(kind === 'g' ? Number(value.toPrecision(Number(digits ?? 6))) : value);
-      return sign && value >= 0 ? `+${text}` : text;
-    },
-  );
+/** `{limit:+.2f}` stands for a number with sign and decimals, `{name}` for whatever the value is; empty where a value
+ *  is missing: a reply that is too long comes without. */
+function filled(template = '', values: Values, nested = inChinese): string {
+  if ([...template.matchAll(/\{(\w+)/g)].some(([, name]) => values[name as string] === undefined)) return '';
+  return template.replace(/\{(\w+)(?::(\+?)(?:\.(\d+))?([fg]))?\}/g, (_, name, sign, digits, kind) => {
+    const value = values[name as string] ?? '';
+    const group = GROUPS[name as string];
+    if (group && typeof value === 'string') return word(group, value);
+    if (Array.isArray(value)) return value.map(nested).join('；');
+    if (typeof value !== 'number') return nested(value);
+    const text =
+      kind === 'f'
+        ? value.toFixed(Number(digits))
+        : String(kind === 'g' ? Number(value.toPrecision(Number(digits ?? 6))) : value);
+    return sign && value >= 0 ? `+${text}` : text;
+  });
 }

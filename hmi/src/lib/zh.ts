@@ -255,7 +255,7 @@ export const zh: Record<Key, string> = {
   no_bus: '无总线',
   interlocks: '联锁',
   estop_ok: '急停回路闭合',
-  estop_ok_2: '急停回路第二通道',
+  estop_ok_2: '急停回路，通道 2',
   collision_ok: '无碰撞',
   door_ok: '机房门关闭',
   motion_permit: '允许运动',

@@ -7,6 +7,8 @@ import importlib.util
 import re
 from pathlib import Path
 
+from gantryctl.commissioning import STEPS
+
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "src" / "gantryctl" / "gateway" / "page"
 NAMES_ONLY = ("http://www.w3.org/", "https://svelte.dev/e/")
@@ -42,6 +44,18 @@ def test_the_tables_of_the_page_are_those_of_the_service() -> None:
     spec.loader.exec_module(tables)
     for name, text in tables.texts().items():
         assert (ROOT / "hmi/src/lib" / name).read_text(encoding="utf-8") == text
+
+
+def test_steps_of_commissioning_have_the_same_figures_in_chinese() -> None:
+    """How far the axis could move: a person who reads Chinese stands as far away."""
+    text = (ROOT / "hmi/src/lib/steps_zh.ts").read_text(encoding="utf-8")
+    chinese = {key: told for key, *told in re.findall(r"(\w+): \['(.*?)', '(.*?)', '(.*?)'\]", text)}
+    assert chinese.keys() == {step.key for step in STEPS}
+    for step in STEPS:
+        _, does, moves = chinese[step.key]
+        for english, other in ((step.does, does), (step.moves, moves)):
+            assert bool(english) is bool(other), step.key
+            assert re.findall(r"\d+\.?\d*", english) == re.findall(r"\d+\.?\d*", other), step.key
 
 
 def test_the_lock_file_names_no_package_host() -> None:
