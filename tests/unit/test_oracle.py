@@ -13,9 +13,10 @@ from gantryctl.engineering.faults.oracle import limits
 from gantryctl.engineering.faults.oracle.asked import Asked
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.limits import StopClass
+from gantryctl.engineering.faults.oracle.silence import Silence
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
-from gantryctl.image import Mode, OutputImage
+from gantryctl.image import DriveRequest, Mode, OutputImage
 from gantryctl.machine import default_machine
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm, Refusal, refusal
@@ -241,6 +242,97 @@ def test_a_drive_that_takes_no_command_goes_as_far_as_its_own_ramp(
     for ms in range(1001):
         axis.sample(way_deg * ms * 1e-3, 0.37 if ms < 1000 else 0.0, 0.0, brake_open=True, energised=True)
     assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
+
+
+def bare(found: list[Violation]) -> AxisOracle:
+    """An axis in degrees, commanded, under power at rest at 0; 10 deg/s and 100 N m at most, and -5 to 5 deg."""
+    axis = AxisOracle(found.append)
+    axis.begin(0.0, brake_open=True, energised=True)
+    axis.bound, axis._sag, axis._rest = True, 0.15, 0.05
+    axis._vel_max, axis._torque_max, axis._speed_max = 10.0, 100.0, 11.0
+    axis._low, axis._high = -5.0, 5.0
+    return axis
+
+
+def speed_on_the_wire(axis: AxisOracle, sign: float, over: float) -> None:
+    axis.command(OutputImage(DriveRequest.ENABLE, sign * 10.0 * over, 0.0, brake_open=True), None)
+
+
+def torque_on_the_wire(axis: AxisOracle, sign: float, over: float) -> None:
+    axis.command(OutputImage(DriveRequest.ENABLE, 0.0, sign * 100.0 * over, brake_open=True), None)
+
+
+def speed_of_the_axis(axis: AxisOracle, sign: float, over: float) -> None:
+    axis.sample(0.0, sign * 11.0 * over, 0.0, brake_open=True, energised=True)
+
+
+def end_of_travel(axis: AxisOracle, sign: float, over: float) -> None:
+    axis.sample(sign * 5.0 * over, 0.0, 0.0, brake_open=True, energised=True)
+
+
+def creep(axis: AxisOracle, sign: float, over: float) -> None:
+    for ms in range(101):
+        axis.sample(sign * 0.15 * over * 0.01 * ms, 0.0, 0.0, brake_open=True, energised=True)
+
+
+def speed_under_a_latch(axis: AxisOracle, sign: float, over: float) -> None:
+    axis._latched = alarm = Alarm(Code.CTL_02, 0.0, {}, Reaction.QUICK_STOP)
+    axis._latch(alarm, DriveRequest.QUICK_STOP, sign if over > 1.0 else 0.0)
+
+
+def stop_that_does_not_end(axis: AxisOracle, sign: float, over: float) -> None:
+    """1.5 s behind the alarm."""
+    alarm = Alarm(Code.CTL_02, 0.0, {}, Reaction.QUICK_STOP)
+    axis._stop = Stop(alarm, StopClass.QUICK, axis.now(), axis.now())
+    for _ in range(1510):
+        axis.sample(0.0, sign * 0.05 * over, 0.0, brake_open=True, energised=True)
+
+
+def speed_in_silence(axis: AxisOracle, sign: float, over: float) -> None:
+    """1.7 s behind the last command."""
+    axis.ms, axis.speed = 1701, sign * 0.05 * over
+    Silence(Instant(0, 0.0, 0.0, energised=True, brake_open=True)).sample(axis)
+
+
+def way_at_rest_in_silence(axis: AxisOracle, sign: float, over: float) -> None:
+    silence = Silence(Instant(0, 0.0, 0.0, energised=True, brake_open=True))
+    axis.ms = 1701
+    silence.sample(axis)
+    axis.angle = sign * 0.15 * over
+    silence.sample(axis)
+
+
+def way_in_silence(axis: AxisOracle, sign: float, over: float) -> None:
+    """0.35 deg from rest."""
+    axis.ms, axis.angle = 100, sign * 0.35 * over
+    Silence(Instant(0, 0.0, 0.0, energised=True, brake_open=True)).sample(axis)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("does", "invariant"),
+    [
+        (speed_on_the_wire, "INV-4"),
+        (torque_on_the_wire, "INV-4"),
+        (speed_of_the_axis, "INV-3"),
+        (end_of_travel, "INV-3"),
+        (creep, "INV-2"),
+        (speed_under_a_latch, "INV-5"),
+        (stop_that_does_not_end, "INV-1"),
+        (speed_in_silence, "INV-1"),
+        (way_in_silence, "INV-1"),
+        (way_at_rest_in_silence, "INV-2"),
+    ],
+)
+def test_what_is_wrong_one_way_is_wrong_the_other(
+    does: Callable[[AxisOracle, float, float], None], invariant: str, sign: float
+) -> None:
+    """A hundredth within each limit, and a hundredth beyond it."""
+    found: list[Violation] = []
+    does(bare(found), sign, 0.99)
+    assert not found
+    does(bare(found), sign, 1.01)
+    assert [each.invariant for each in found] == [invariant]
 
 
 @pytest.mark.can

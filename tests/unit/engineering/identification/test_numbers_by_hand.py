@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from gantryctl.cli.engineering.identify import _show
-from gantryctl.engineering.identification import text
+from gantryctl.engineering.identification import lead, text, truth
 from gantryctl.engineering.identification.fit import _numbers, _Windup, _without_windup
 from gantryctl.engineering.identification.on_batch import _COLUMNS, SimulatedAxis
 from gantryctl.engineering.identification.samples import MoveLog, steady
 from gantryctl.engineering.identification.torque_balance import BalanceFit, TorqueBalance
 from gantryctl.engineering.identification.validation import Validation
+from gantryctl.engineering.identification.waves import Band
 from gantryctl.machine import Identified, default_machine, with_values
 from support.improved import improved_machine
 
@@ -115,3 +116,28 @@ def test_a_reading_is_taken_to_when_the_load_was_seen() -> None:
     run: Any = lambda *_: Log(rows)  # noqa: E731
     log = SimulatedAxis(machine, run=run).go(10.0, 1.0)
     assert log.act_rad - 0.1 == pytest.approx(np.array([2e-5, -2e-5]))
+
+
+def test_a_command_on_a_bus_acts_a_scan_later() -> None:
+    """The truth of the dead time: of one drive the same, and a SYNC period more where it is on a bus."""
+    beside = with_values(default_machine(), {"control.scan_period_ms": 4.0})
+    on_bus = with_values(beside, {"drive.kind": "canopen"})
+    assert truth._dead_time_s(on_bus) - truth._dead_time_s(beside) == pytest.approx(4e-3)
+    # 1.5 cycles of 125 us, a current loop, and a reading that is some us old.
+    assert 0.19e-3 < truth._dead_time_s(beside) < 1e-3
+
+
+@pytest.mark.parametrize(("gap_rad", "told"), [(3.1e-5, 3.1e-5), (3.0e-5, None), (-1e-5, None)])
+def test_a_gap_whose_interval_reaches_0_is_none(
+    monkeypatch: pytest.MonkeyPatch, gap_rad: float, told: float | None
+) -> None:
+    """Half of its interval is 30 urad; the model without a gap takes its place."""
+
+    def fitted(*some: Any) -> lead.Lead:
+        none = lead.Lead(np.zeros(1), np.zeros(1), [], [], None, np.inf, np.zeros(1), None)
+        with_gap = some[-1] == (True, False)
+        return none._replace(backlash_rad=gap_rad, backlash_half_width_rad=3e-5) if with_gap else none
+
+    monkeypatch.setattr(lead, "_fitted", fitted)
+    nothing: Any = SimpleNamespace()
+    assert lead.fit_lead(nothing, np.zeros(1), 1.0, Band(0.0, 10.0), ()).backlash_rad == told

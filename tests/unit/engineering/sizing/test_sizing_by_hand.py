@@ -44,6 +44,19 @@ def test_what_comes_back_in_a_day_is_that_of_its_cycles_over_all_of_its_hours(sh
     assert day.returned_mean_w == pytest.approx(40.0 * 5387.0 / (12.0 * 3600.0), rel=1e-3)
 
 
+def test_the_motor_holds_at_every_stop_of_a_cycle(changed_sheet, paper_motor):
+    """At 30, 90 and 180 deg a half, all and nothing of the eccentric moment: 1.25 of its square at the motor."""
+
+    def squared(hold_s):
+        sheet = load_sheet(changed_sheet({"duty.stops_deg": [30.0, 90.0, 180.0], "duty.hold_s": hold_s}))
+        day = duty(Train(sheet, paper_motor.motor.inertia_kg_m2))
+        return day.cycle_rms_nm**2 * day.cycle_s, Train(sheet, 0.0).eccentric_nm / 1144.0
+
+    (moving, _), (held, all_nm) = squared(0.0), squared(40.0)
+    assert held - moving == pytest.approx(40.0 * 1.25 * all_nm**2, rel=1e-9)
+    assert all_nm == pytest.approx(13.98, abs=0.01)
+
+
 def test_the_reducer_bears_the_rollers_too_and_the_motor_what_the_moment_drives(sheet, paper_motor):
     """Reducer: (2.18e6 x 0.0068654 + 5e4 + 6000 + 2e4 x 0.10472) / 13, the first twice where it swings.
 

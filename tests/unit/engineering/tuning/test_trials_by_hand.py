@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gantryctl.engineering.tuning import judge
+from gantryctl.engineering.batch import Log
+from gantryctl.engineering.tuning import bench, judge
 from gantryctl.engineering.tuning.bench import Bench, PositionStep, SpeedStep, TrialMove
+from gantryctl.engineering.tuning.by_margins import STATED, _Search
 from gantryctl.engineering.tuning.gains import POOR, Gains, configured
 from gantryctl.engineering.tuning.procedure import Tuned, paper_procedure
 from gantryctl.machine import configs_folder, default_machine, load_machine
@@ -77,3 +79,50 @@ def test_the_plant_that_loses_most_damping_is_named(monkeypatch: pytest.MonkeyPa
     plants: Any = [None] * 3
     found = judge.judge_gains(default_machine(), configured(default_machine()), plants)
     assert (found.damping_left, found.left_on) == (0.33, "second")
+
+
+def test_a_load_overshoots_where_it_comes_to_rest_and_not_its_last_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It rises to 1.3 and swings by 0.1 about 0.9 in the last 2 s of 4, which end on a crest: 0.4 beyond its rest."""
+    machine = default_machine()
+    size = rad(machine.monitors.in_position_window_deg)
+    time_s = 0.01 * np.arange(1.0, 401.0)
+    load = np.where(time_s < 2.005, 1.3, 0.9 + 0.1 * np.cos(2.0 * np.pi * (time_s - 4.0)))
+
+    def rest(_: float, seconds: float) -> Log:
+        moved = np.zeros(100) if seconds == 1.0 else size * load
+        columns = ("pos_act_rad", "pos_load_rad", "torque_limited")
+        return Log(np.stack([0.5 * moved, moved, np.zeros(len(moved))]), 0.01, columns)
+
+    standing: Any = SimpleNamespace(rest=rest)
+    monkeypatch.setattr(Bench, "_standing", lambda *some, **more: standing)
+    found = Bench(machine).position_step(configured(machine))
+    assert (found.load_overshoot, found.motor_overshoot) == pytest.approx((0.4, 0.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("sides", [(1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+def test_a_following_error_counts_on_either_side(sides: tuple[float, float]) -> None:
+    """3 and 1 mdeg in the half second about the middle of a move of 4 s: 2 in the mean, whichever sign they have."""
+    machine = default_machine()
+    columns = {name: np.zeros(1000) for name in (
+        "vel_ref_rad_s", "vel_motor_rad_s", "vel_load_rad_s", "pos_base_rad", "pos_load_rad", "pos_err_rad",
+        "torque_act_nm", "torque_mesh_nm", "torque_limited",
+    )}  # fmt: skip
+    columns["vel_ref_rad_s"][:] = 0.1
+    middle = np.abs(0.01 * np.arange(1.0, 1001.0) - 2.0) < 0.25
+    columns["pos_err_rad"][middle] = rad(1e-3) * np.resize([3.0 * sides[0], 1.0 * sides[1]], middle.sum())
+    log = Log(np.stack(list(columns.values())), 0.01, tuple(columns))
+    plan: Any = SimpleNamespace(duration=4.0)
+    found = bench._evaluate(machine, log, plan)
+    assert 1e3 * found.cruise_error_deg == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("kvp", [100.0, 300.0])
+def test_a_position_loop_is_held_against_the_speed_loop_that_is_tried_with_it(kvp: float) -> None:
+    """Four times slower than the speed loop on load and rotor: 5 % faster than Kvp / 4 J is 0.05 too much."""
+    search = _Search(default_machine(), STATED, [], None, lambda _: None)
+    fastest = kvp / (4.0 * search.inertia)
+    for share in (1.05, 1.0, 0.7):
+        gains = replace(search.base, kvp_nm_s_per_rad=kvp, kpp_per_s=share * fastest)
+        assert search.excess(gains) == pytest.approx(share - 1.0, abs=1e-12)
