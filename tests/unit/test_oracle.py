@@ -14,6 +14,7 @@ from gantryctl.engineering.faults.oracle.asked import Asked
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
 from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.silence import Silence
+from gantryctl.engineering.faults.oracle.stretch import stretch_around
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, Mode, OutputImage
@@ -21,6 +22,7 @@ from gantryctl.machine import default_machine
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm, Refusal, refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.settings import TravelSettings
 from gantryctl.units import rad
 from gantryctl.wiring.program import axis_settings
 from unit.oracle_liars import LIARS, RATIO, Bench, Between, frozen_at_rest, silent_bus, turning
@@ -242,6 +244,30 @@ def test_a_drive_that_takes_no_command_goes_as_far_as_its_own_ramp(
     for ms in range(1001):
         axis.sample(way_deg * ms * 1e-3, 0.37 if ms < 1000 else 0.0, 0.0, brake_open=True, energised=True)
     assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
+
+
+@pytest.mark.parametrize("sectors", [((1.0, 1.5), (2.0, 2.5)), ((2.0, 2.5), (1.0, 1.5))])
+@pytest.mark.parametrize(
+    ("here", "stretch"),
+    [
+        (0.0, (-3.2, 1.0, False)), (1.7, (1.5, 2.0, False)), (3.0, (2.5, 3.2, False)), (1.2, (-3.2, 2.0, True)),
+        (2.2, (1.5, 3.2, True)),
+    ],
+)  # fmt: skip
+def test_an_axis_may_be_between_the_nearest_of_all_sectors(
+    sectors: tuple[tuple[float, float], ...], here: float, stretch: tuple[float, float, bool]
+) -> None:
+    """In whatever order they stand; in one of them it may leave to either side."""
+    assert stretch_around(TravelSettings(-3.1, 3.1, -3.2, 3.2, no_go_rad=sectors), here) == stretch
+
+
+@pytest.mark.parametrize(("here", "turns"), [(0.0, 0), (7.0, 1), (-6.0, -1)])
+def test_an_axis_without_ends_has_its_sector_in_every_turn(here: float, turns: int) -> None:
+    """From 1 to 1.5 rad of a turn: between two of them there are 2 pi less half a radian."""
+    endless = TravelSettings(-math.inf, math.inf, -math.inf, math.inf, no_go_rad=((1.0, 1.5),))
+    low, high, within = stretch_around(endless, here)
+    assert (low, high) == pytest.approx((1.5 + (turns - 1) * math.tau, 1.0 + turns * math.tau))
+    assert not within
 
 
 def bare(found: list[Violation]) -> AxisOracle:

@@ -230,6 +230,8 @@ def test_a_drive_is_told_to_store_as_its_profile_says() -> None:
     seen: list[int] = []
     with on_bus(machine) as (node, drive):
         assert save(node, Saving()).remark == ""
+        # Storing may take its time; the next question is answered as fast as ever, or not.
+        assert node.sdo.timeout_s == machine.can.sdo_timeout_ms * 1e-3
         drive.od.checks[0x1010, 2] = seen.append
         save(node, Saving(object="1010:02", signature=0x12345678, remark="by its own signature"))
         assert seen == [0x12345678]
@@ -259,6 +261,10 @@ def test_a_drive_that_stores_nothing_is_told_of() -> None:
             save(node, Saving(object="", remark="with the tool only"))
         with pytest.raises(DeviceError, match="forgets at power off"):
             save(node, Saving(object="2F00:01"))
+        timeout_s = node.sdo.timeout_s
+        with pytest.raises(DeviceError, match="does not store its parameters"):
+            save(node, Saving(signature=0x12345678))
+        assert node.sdo.timeout_s == timeout_s
 
 
 def test_a_record_does_not_outlive_gains_that_could_not_be_written(

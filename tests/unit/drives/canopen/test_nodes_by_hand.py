@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from gantryctl.drives.canopen import mapping as m
@@ -52,6 +55,27 @@ def test_each_contact_at_the_drive_is_asked_for_at_its_own_bit(
     nowhere = neighbours(inputs=InputBits())
     nowhere._drive.sdo = beside._drive.sdo
     assert (nowhere.ask_brake_contact(), nowhere.ask_watchdog_contact()) == (None, None)
+
+
+def test_an_angle_of_the_ring_is_carried_on_for_30_ms_and_not_believed_any_longer() -> None:
+    """A quarter of a turn, 10 mrad on 10 ms later; then nothing comes. At 10 ms three scans are too old."""
+    beside = neighbours(load_encoder=RING._replace(node=None), period_s=0.010)
+    beside.open()
+    turn = 1 << 20
+    angles = []
+    for raw, age in (
+        (turn // 4, 0),
+        (turn // 4 + round(0.010 / math.tau * turn), 0),
+        (0, 1),
+        (0, 2),
+        (0, 3),
+        (0, 4),
+    ):
+        beside.begin(1)
+        process: Any = SimpleNamespace(ring=(raw, age))
+        angles.append(beside.ring_rad(process))
+    assert angles[:4] == pytest.approx(np.pi / 2.0 + np.array([0.0, 0.010, 0.020, 0.030]), abs=1e-5)
+    assert all(math.isnan(angle) for angle in angles[4:])
 
 
 @pytest.mark.parametrize(

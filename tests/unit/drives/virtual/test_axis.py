@@ -2,6 +2,7 @@
 
 import pytest
 
+from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.axis.power_stage import Phase
 from unit.drives.virtual.bench import (
@@ -284,3 +285,30 @@ def test_60fe_works_the_brake_where_it_owns_it_and_only_with_torque() -> None:
     assert bench.node.plant.brake_open
     bench.run(0.3, DISABLE_VOLTAGE)
     assert not bench.node.plant.brake_open
+
+
+def test_60fe_works_no_brake_whose_bit_is_not_in_its_mask() -> None:
+    bench = Bench(owner="object_60FE").set_up()
+    bench.down(0x60FE, 2, 2, 4)
+    bench.down(0x60FE, 1, 0, 4)
+    bench.enable()
+    bench.run(0.3, ENABLE)
+    assert not bench.node.plant.brake_open
+    bench.down(0x60FE, 2, 3, 4)
+    bench.run(0.3, ENABLE)
+    assert bench.node.plant.brake_open
+
+
+def test_a_watchdog_relay_closes_at_an_edge_and_not_at_a_level() -> None:
+    """Of 20 ms; the first level that is set is no edge, whatever it is, nor is one that stays."""
+    cabinet = Cabinet(0.020)
+    for level in (True, True):
+        cabinet.take({"watchdog": level, "brake_release": True})
+        assert (cabinet.watchdog_closed, cabinet.brake_released) == (False, False)
+    for level in (False, True):
+        cabinet.take({"watchdog": level})
+        cabinet.advance(19_000)
+        assert (cabinet.watchdog_closed, cabinet.brake_released) == (True, True)
+    cabinet.take({"watchdog": True})
+    cabinet.advance(1_000)
+    assert (cabinet.watchdog_closed, cabinet.brake_released) == (False, False)
