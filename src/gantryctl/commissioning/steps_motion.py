@@ -88,22 +88,19 @@ def _samples(trace: Trace) -> list[MotionSample]:
     return [MotionSample(*row) for row in rows[:: max(1, len(rows) // (4 * POINTS))].tolist()]
 
 
-def _move(
-    c: Context, part: str, targets: tuple[float, ...], speed_deg_s: float, by: bool = False
-) -> tuple[Trace, bool]:
-    """Power up, move to every target, power down; the trace, and whether every move was done."""
-    done = True
+def _there_and_back(c: Context, part: str, way_deg: float, speed_deg_s: float) -> tuple[Trace, bool]:
+    """Power up, move by a way and back, power down; the trace, and whether both moves were done."""
     with _recorded_run(c, part) as (run, recorder):
-        start = run.angle_deg
-        for target in targets:
-            done = run.move(start + target if by else target, speed_deg_s).done and done
-    return recorder.trace(), done
+        # Away from the end of the travel; by ways, for back to an angle a modulo axis may go round.
+        way = math.copysign(way_deg, c.machine.axis.start_angle_deg - run.angle_deg)
+        done = [run.move_by(each, speed_deg_s).done for each in (way, -way)]
+    return recorder.trace(), all(done)
 
 
 def loop(c: Context) -> StepResult:
     """Move a degree there and back with the position loop closed."""
     speed = c.machine.speed.setting_min_deg_s
-    trace, done = _move(c, "1 deg and back", (_SMALL_DEG, 0.0), speed, by=True)
+    trace, done = _there_and_back(c, "1 deg and back", _SMALL_DEG, speed)
     error = deg(float(np.max(np.abs(trace["pos_err_rad"]))))
     band = (
         c.machine.monitors.following_error_base_deg + c.machine.monitors.following_error_per_speed_s * speed

@@ -19,6 +19,15 @@ from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.runtime import Retained
 
 MACHINE = with_values(load_machine(configs_folder() / "hust_can.toml"), {"brake.owner": "object_60FE"})
+# A travel beside 0 deg, from 40 to 100; a new machine stands at 70.
+AWAY = with_values(
+    MACHINE,
+    {
+        "axis.pos_min_deg": 40.0, "axis.over_travel_min_deg": 39.0, "axis.limit_switch_min_deg": 38.0,
+        "axis.mechanical_stop_min_deg": 33.0, "axis.pos_max_deg": 100.0, "axis.over_travel_max_deg": 101.0,
+        "axis.limit_switch_max_deg": 102.0, "axis.mechanical_stop_max_deg": 107.0,
+    },
+)  # fmt: skip
 PERIOD_S = 0.004
 # 524 288 increments in a turn of the motor, 1144 turns of it in one of the gantry.
 COUNTS_PER_DEG = 524_288 * 1144 / 360

@@ -54,6 +54,17 @@ def test_the_brake_passes_by_the_torque_that_it_bore_without_slipping(
         assert (found.number("plus_nm"), found.number("minus_nm")) == pytest.approx((70.0, -70.0), abs=1.5)
 
 
+@pytest.mark.parametrize("own_nm", [5.0, -5.0])
+def test_the_torque_of_the_drives_own_loop_is_taken_out_before_it_is_disabled(
+    step: Any, own_nm: float
+) -> None:
+    """At rest its speed loop gives 5 N m beside what is asked for: the brake bears nothing as it goes."""
+    drive = HandDrive(torque_nm=own_nm)
+    step(steps_power, "brake", drive)
+    last = next(k for k, output in enumerate(drive.wrote) if output.request is DriveRequest.DISABLE)
+    assert drive.wrote[last - 1].torque_ff_nm + own_nm == pytest.approx(0.0, abs=3.0)
+
+
 def test_a_brake_test_has_the_limits_of_the_file_in_its_own_units(monkeypatch: pytest.MonkeyPatch) -> None:
     """70 N m, 0.02 deg of sag in rad, 385 N m at most, scans of 4 ms."""
     given: list[float] = []

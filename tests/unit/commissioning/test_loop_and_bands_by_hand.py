@@ -11,10 +11,9 @@ import pytest
 
 from gantryctl.commissioning import steps_motion
 from gantryctl.commissioning.results import Figure, Outcome, StepResult
-from unit.commissioning.hand_drive import (
-    MACHINE,
-    context,
-)
+from gantryctl.machine import Machine
+from support.modulo_machine import modulo_machine
+from unit.commissioning.hand_drive import AWAY, MACHINE, context
 
 pytestmark = pytest.mark.can
 
@@ -36,11 +35,11 @@ def test_the_loop_follows_on_both_sides(
     trace = Recorded(vel_ref_rad_s=speeds, pos_err_rad=errors)
     asked: list[Any] = []
     monkeypatch.setattr(
-        steps_motion, "_move", lambda c, part, *given, **how: (asked.append((*given, how)), (trace, done))[1]
+        steps_motion, "_there_and_back", lambda c, part, *given: (asked.append(given), (trace, done))[1]
     )
     found = steps_motion.loop(context())
     # By a degree and back, from where it stands, at the lowest speed.
-    assert asked == [((1.0, 0.0), 0.6, {"by": True})]
+    assert asked == [(1.0, 0.6)]
     assert (found.outcome is Outcome.PASSED) is passes
     # The second half of the rest after the move.
     assert found.number("rest_error_deg") == pytest.approx(0.002)
@@ -49,31 +48,51 @@ def test_the_loop_follows_on_both_sides(
     assert found.figures["following_error_deg"].high == pytest.approx(0.0372)
 
 
+class Ways:
+    """A run of the axis: the ways that it was asked for."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, angle_deg: float, dones: tuple[bool, ...]) -> None:
+        self.angle_deg, self.asked, self._left = angle_deg, list[tuple[float, float]](), list(dones)
+
+        @contextmanager
+        def recorded(c: object, part: str) -> Any:
+            yield self, SimpleNamespace(trace=Recorded)
+
+        monkeypatch.setattr(steps_motion, "_recorded_run", recorded)
+
+    def move_by(self, way_deg: float, speed_deg_s: float) -> Any:
+        self.asked.append((way_deg, speed_deg_s))
+        self.angle_deg += way_deg
+        return SimpleNamespace(done=self._left.pop(0))
+
+
 @pytest.mark.parametrize(
     ("dones", "done"), [((True, True), True), ((True, False), False), ((False, True), False)]
 )
 def test_every_move_must_be_done(
     monkeypatch: pytest.MonkeyPatch, dones: tuple[bool, ...], done: bool
 ) -> None:
+    ways = Ways(monkeypatch, -10.0, dones)
+    assert steps_motion._there_and_back(context(), "", 1.0, 0.6)[1] is done
+    assert ways.asked == [(1.0, 0.6), (-1.0, 0.6)]
 
-    left = list(dones)
-    asked: list[tuple[float, float]] = []
 
-    def move(target: float, speed: float) -> Any:
-        asked.append((target, speed))
-        run.angle_deg = target
-        return SimpleNamespace(done=left.pop(0))
-
-    run = SimpleNamespace(angle_deg=10.0, move=move)
-
-    @contextmanager
-    def recorded(c: object, part: str) -> Any:
-        yield run, SimpleNamespace(trace=Recorded)
-
-    monkeypatch.setattr(steps_motion, "_recorded_run", recorded)
-    assert steps_motion._move(context(), "", (1.0, 0.0), 0.6, by=True)[1] is done
-    # From where it stood, and back there.
-    assert asked == [(11.0, 0.6), (10.0, 0.6)]
+@pytest.mark.parametrize(
+    ("machine", "angle_deg", "way_deg"),
+    [
+        # Within a degree of either end of -180 to 180 deg, and of 40 to 100.
+        (MACHINE, 179.7, -1.0), (MACHINE, -179.7, 1.0), (AWAY, 99.7, -1.0), (AWAY, 40.3, 1.0),
+        # And of the end of a turn: back to an angle would be all of it, and back by a way is not.
+        (modulo_machine(None, "hust_can"), 179.7, -1.0), (modulo_machine(None, "hust_can"), -179.7, 1.0),
+        (MACHINE, 0.0, 1.0),
+    ],
+)  # fmt: skip
+def test_there_and_back_stays_within_the_travel(
+    monkeypatch: pytest.MonkeyPatch, machine: Machine, angle_deg: float, way_deg: float
+) -> None:
+    ways = Ways(monkeypatch, angle_deg, (True, True))
+    steps_motion._there_and_back(context(machine), "", 1.0, 0.6)
+    assert ways.asked == [(way_deg, 0.6), (-way_deg, 0.6)]
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from gantryctl.commissioning.stopping.quick_stop import trial_speed_deg_s
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.image import DriveRequest
 from gantryctl.machine import Machine, with_values
-from unit.commissioning.hand_drive import MACHINE, PERIOD_S, HandDrive, axis_of, context, opens
+from unit.commissioning.hand_drive import AWAY, MACHINE, PERIOD_S, HandDrive, axis_of, context, opens
 
 pytestmark = pytest.mark.can
 
@@ -102,6 +102,36 @@ def test_a_key_is_held_no_further_than_eight_degrees(
     monkeypatch.setattr(steps_motion, "_recorded_run", lambda c, part: nullcontext((run, recorder)))
     steps_motion._jog_release(context(), speed)
     assert asked == [(speed, pytest.approx(held_s, abs=0.001))]
+
+
+@pytest.mark.parametrize(("angle_deg", "forward"), [(41.0, True), (60.0, True), (80.0, False), (99.0, False)])
+def test_a_key_is_held_away_from_the_end_of_a_travel_beside_0_deg(
+    monkeypatch: pytest.MonkeyPatch, angle_deg: float, forward: bool
+) -> None:
+    asked: list[bool] = []
+    run = SimpleNamespace(angle_deg=angle_deg, jog=lambda forward, speed, seconds: asked.append(forward))
+    trace = {"vel_ref_rad_s": np.array([1.0, 0.0]), "pos_act_rad": np.array([0.0, 0.1])}
+    monkeypatch.setattr(
+        steps_motion,
+        "_recorded_run",
+        lambda c, part: nullcontext((run, SimpleNamespace(trace=lambda: trace))),
+    )
+    steps_motion._jog_release(context(AWAY), 0.6)
+    assert asked == [forward]
+
+
+def test_the_slow_turn_goes_from_end_to_end_of_a_travel_beside_0_deg(monkeypatch: pytest.MonkeyPatch) -> None:
+    """2 deg before either end of 40 to 100 deg, and to where a new machine stands."""
+    asked: list[float] = []
+
+    def move(target: float, speed_deg_s: float) -> SimpleNamespace:
+        asked.append(target)
+        return SimpleNamespace(done=False)
+
+    run: Any = SimpleNamespace(speed_max_deg_s=6.0, move=move, observe=lambda look: None)
+    monkeypatch.setattr(steps_motion, "_recorded_run", lambda c, part: nullcontext((run, None)))
+    steps_motion.slow_turn(context(AWAY))
+    assert asked == [98.0, 42.0, 70.0]
 
 
 @pytest.mark.parametrize(("release_deg_s2", "most"), [(2.0, 1.0), (0.5, 0.5)])

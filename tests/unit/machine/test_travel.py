@@ -76,3 +76,20 @@ def test_a_refused_end_of_travel_has_one_line() -> None:
     with pytest.raises(ConfigError) as error:
         with_values(MACHINE, {"axis.pos_min_deg": -1e6})
     assert len(error.value.problems) == 1
+
+
+@pytest.mark.parametrize(
+    ("low_deg", "high_deg", "typed_deg", "meant_deg"),
+    [
+        # 300 to 420 deg are read as 300 to 360 and 0 to 60; -60 to 60 as 300 to 360 and 0 to 60, too.
+        (300.0, 420.0, 20.0, 380.0), (300.0, 420.0, 310.0, 310.0), (300.0, 420.0, 200.0, 200.0),
+        (-60.0, 60.0, 310.0, -50.0), (-60.0, 60.0, 20.0, 20.0), (-60.0, 60.0, 200.0, 200.0),
+    ],
+)  # fmt: skip
+def test_an_angle_that_is_typed_as_it_is_read_is_one_of_the_travel(
+    low_deg: float, high_deg: float, typed_deg: float, meant_deg: float
+) -> None:
+    axis = AxisTable(
+        pos_min_deg=low_deg, pos_max_deg=high_deg, reducer_ratio=88.0, ring_ratio=13.0, display="0..360"
+    )
+    assert axis.meant_deg(typed_deg) == meant_deg
