@@ -298,7 +298,7 @@ def test_a_stop_is_told_as_it_was_measured_and_as_it_was_computed() -> None:
 
 def test_the_loop_is_told_with_the_band_that_it_is_held_against(monkeypatch: pytest.MonkeyPatch) -> None:
     trace = {"vel_ref_rad_s": np.array([0.01, 0.0, 0.0]), "pos_err_rad": np.radians([0.02, 0.001, 0.001])}
-    monkeypatch.setattr(steps_motion, "_move", lambda *_, **__: (trace, True))
+    monkeypatch.setattr(steps_motion, "_there_and_back", lambda *_, **__: (trace, True))
     assert steps_motion.loop(context()).proof == (
         "largest following error 0.02000 deg at 0.6 deg/s (band 0.037), 0.001000 deg at rest"
     )
