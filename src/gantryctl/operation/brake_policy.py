@@ -143,7 +143,8 @@ def restore_learned(axis: Axis, retained: Retained) -> None:
 
 def turned_weights(machine: Machine, retained: Retained, by_deg: float | None) -> str:
     """The learned torque behind a new zero, by which every angle is so much more; "" where nobody knows how much."""
-    model = TorqueModel(machine.axis.ratio, machine.motor.torque_rated_nm)
+    in_wind = machine.monitors.wind_torque_nm > 0.0
+    model = TorqueModel(machine.axis.ratio, machine.motor.torque_rated_nm, in_wind=in_wind)
     _restore_weights(model, retained)
     if by_deg is None or not model.learned:
         return ""

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
@@ -161,15 +162,18 @@ def retained_rows(retained: Retained) -> list[tuple[str, str]]:
     return rows
 
 
-def reset_machine(machine: Machine) -> str:
+def reset_machine(machine: Machine, root: Path | None = None) -> str:
     """Acknowledge the alarm of the last stop or a small motion while off, and reset a drive's fault; in words.
+
+    Args:
+        root: of the states; that of this user when not given.
 
     Raises:
         CommandRefused: the position is not valid; a reset cannot make it so. DeviceError: the drive stays in fault.
     """
     # It never enables and never moves; power then needs a new rising edge (states of the axis).
     who, when = operator_name(), now_text()
-    with StateStore(machine) as store, read_only(machine, store) as opened:
+    with StateStore(machine, root) as store, read_only(machine, store) as opened:
         retained, reading = opened.retained, opened.reading
         done = []
         if reading.verdict is RestVerdict.MOVED:

@@ -279,6 +279,7 @@ class PowerSettings:
         holding_torque_nm: learned holding torque from retained memory: the preload at the first release.
         test_torque_nm: what the closed brake must bear both ways in a brake test.
         running_torque_nm: what a steady motion may need until the axis has learned it, where that is more.
+        wind_torque_nm: by which a moment from outside may change what a motion needs.
         brake_torque_nm: of the closed brake.
         brake_dec_least_rad_s2: slowest braking by which the highest speed keeps the permitted stopping angle.
         brake_stops_max: stops of a turning axis by the brake, from which on service is due.
@@ -308,6 +309,7 @@ class PowerSettings:
     # At least 1.3 times the check moment at the motor: 56.8 N m on the reference machine (decision 14).
     test_torque_nm: float = 70.0
     running_torque_nm: float = 0.0
+    wind_torque_nm: float = 0.0
     brake_torque_nm: float = 400.0
     # 6 deg/s, 0.15 s of brake and 4 deg.
     brake_dec_least_rad_s2: float = 5.8 * _DEG

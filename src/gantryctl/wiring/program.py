@@ -204,6 +204,7 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_feedback_time_s=monitors.brake_feedback_time_ms * _MS,
         test_torque_nm=brake.test_torque_nm,
         running_torque_nm=monitors.running_torque_nm,
+        wind_torque_nm=monitors.wind_torque_nm,
         brake_torque_nm=brake.torque_nm,
         brake_dec_least_rad_s2=rad(_brake_dec_least_deg_s2(machine)),
         brake_stops_max=brake.emergency_stops_max,

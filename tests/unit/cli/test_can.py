@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from gantryctl.drives.canopen.bus.sdo import SdoClient
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.machine.effective import to_toml
+from gantryctl.operation.store import StateStore
 from support.command_line import cli
 
 pytestmark = pytest.mark.can
@@ -127,6 +129,15 @@ def test_one_step_of_commissioning(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert answer.code == 0
     assert "a command shows 2 scans later" in answer.out
     assert (tmp_path / "report" / "commissioning.html").is_file()
+    # What has stopped a rehearsal holds the next one: no command but this one reaches the states of its virtual drive.
+    with StateStore(load_machine(CONFIG), tmp_path / "state" / "simulated") as store:
+        kept = store.load_retained()
+        assert kept is not None
+        store.store_retained(replace(kept, error_stop="BRK-02"))
+    for said in (True, False):
+        again = cli("commission", "--with-sim", "--only", "sync", "--out", tmp_path / "report")
+        assert again.code == 0
+        assert ("BRK-02 acknowledged" in again.out) is said
     wrong = cli("commission", "--with-sim", "--only", "dance", "--out", tmp_path / "report")
     assert wrong.code == 2
     assert "the steps are identity" in wrong.err

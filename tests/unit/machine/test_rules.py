@@ -99,6 +99,7 @@ BREAKS = {
     "proof_does_not_slip": {"brake.torque_nm": 60.0, "brake.proof_torque_nm": 60.0},
     "proof_within_rating": {"brake.proof_torque_nm": 258.0},
     "motion_within_rating": {"monitors.running_torque_nm": 258.0},
+    "wind_within_rating": {"monitors.wind_torque_nm": 258.0},
     "brake_waits_for_arrival": {
         "brake.hold": "brake", "brake.hold_brake_after_s": 0.9, "monitors.in_position_dwell_ms": 1000.0,
     },

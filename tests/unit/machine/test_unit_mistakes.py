@@ -55,6 +55,7 @@ UNNOTICED = {
     "plant.structure.nozzle_tilt_stiffness_nm_per_rad": [60.0],
     # 0 by default, and 0 in every unit.
     "monitors.running_torque_nm": list(FACTORS),  # one that is given is held against the motor
+    "monitors.wind_torque_nm": list(FACTORS),  # one that is given is held against the motor
     "control.compensation.moment_observer.limit_nm": list(FACTORS),  # whoever switches it on must give it
     "control.compensation.backlash_observer.limit_deg": list(FACTORS),  # whoever switches it on must give it
     # True of a stiffer load; they matter only where the gentle end is on.

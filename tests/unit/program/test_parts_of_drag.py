@@ -89,6 +89,36 @@ def test_friction_above_the_brake_test_is_no_drag_of_a_motion_that_nobody_has_le
 
 
 @BOTH
+@pytest.mark.parametrize("wind_nm", [-30.0, 30.0])
+def test_a_steady_wind_that_was_learned_one_way_is_no_drag_the_other_way(way, wind_nm):
+    """12 N m of friction and a wind that takes 30 N m whichever way the axis turns, learned in a turn at 3 deg/s.
+
+    Taken for friction, they would be 60 N m of drag as soon as the axis turns round.
+    """
+    parts = Parts(wind_torque_nm=30.0)
+    watch, _ = drags(parts, way, 0.0)
+    for turn in (way, -way):
+        watch.begin()
+        parts.virtual.vel_ref_rad_s = turn * rad(3.0)
+        parts.feedback.torque_nm = turn * 12.0 + wind_nm
+        for sample in range(20 * 120):
+            watch._judge(turn * rad(0.15 * sample))
+        assert watch.model.learned
+        assert parts.codes == []
+    # Both ways seen: 0.5 % of rated. What a wind may add is not told, and 39 N m more are (15 % of 257).
+    for now in (way, -way):
+        expected_nm = watch.model.expected_nm(rad(20.0), now * rad(3.0), 0.0)
+        assert expected_nm == approx(now * 12.0 + wind_nm, abs=1.3)
+    watch.begin()
+    watch.model.add = lambda *_: None
+    for more_nm, codes in ((28.0 + 38.0, []), (32.0 + 39.0, ["BRK-02"])):
+        parts.feedback.torque_nm = -way * (12.0 + more_nm) + wind_nm
+        for _ in range(20 * 10):
+            watch._judge(rad(20.0))
+        assert parts.codes == codes
+
+
+@BOTH
 @PERIODS
 @pytest.mark.parametrize(("swing_s", "rows"), [(0.5, 5), (1.25, 12)])
 def test_half_of_the_brake_in_the_mean_is_a_closed_brake_that_the_motor_turns(period_s, way, swing_s, rows):

@@ -469,6 +469,7 @@ ROWS: dict[str, Row] = {
     "monitors.door_reaction": {"program.monitors.door_quick_stop": lambda _: True},
     "monitors.encoder_battery": {"program.monitors.encoder_battery": 1.0},
     "monitors.running_torque_nm": {"program.power.running_torque_nm": 1.0},
+    "monitors.wind_torque_nm": {"program.power.wind_torque_nm": 1.0},
     "monitors.motor_thermal_time_constant_s": {"program.thermal.time_constant_s": 1.0},
     "monitors.motor_temp_max_c": {"program.thermal.winding_max_c": 1.0},
     # --- plant
@@ -718,6 +719,7 @@ CHANGED: dict[str, Any] = {
     "can.position_range": "around 0",
     "monitors.door_reaction": "quick_stop",
     "monitors.running_torque_nm": 90.0,
+    "monitors.wind_torque_nm": 30.0,
     "plant.integration.scheme": "rk4",
     "plant.second_pinion.lost": "second",
     "plant.load.eccentric_angle_deg": 3.0,

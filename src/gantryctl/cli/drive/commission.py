@@ -82,6 +82,8 @@ def commission(
     # Records of a virtual drive go to a place of their own: they prove nothing of a real one.
     root = state_root() / "simulated" if with_sim else None
     folder = directory(out or DEFAULT_OUT)
+    if root is not None:
+        _acknowledge(machine, root)
     with StateStore(machine, root) as store:
         from gantryctl.commissioning import Commissioning
 
@@ -155,6 +157,17 @@ def accept(config_file: Path | None, lacks: tuple[str, ...], by: str, because: s
         for row in read_ledger(machine, store.directory):
             click.echo(row.text)
     return 0
+
+
+def _acknowledge(machine: Machine, root: Path) -> None:
+    """Reset what has stopped an earlier rehearsal: no other command reaches the states of a virtual drive."""
+    from gantryctl.operation.state import reset_machine
+    from gantryctl.operation.store import StateStore
+
+    with StateStore(machine, root) as store:
+        kept = store.load_retained()
+    if kept is not None and kept.error_stop:
+        click.echo(reset_machine(machine, root))
 
 
 def _with_virtual_drive(machine: Machine) -> Machine:

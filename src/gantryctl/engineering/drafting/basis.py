@@ -137,6 +137,11 @@ class Basis:
         return (1.0 + gears.load_loss_ratio) * at_motor_nm + gears.friction_coulomb_nm + viscous_nm
 
     @property
+    def wind_torque_nm(self) -> float:
+        """Largest torque of the motor that the wind of the sheet takes."""
+        return self.sheet.wind.largest_nm / self.ratio
+
+    @property
     def windup_deg(self) -> float:
         """What the load turns under that moment with the motor held."""
         return deg(self.largest_moment_nm / self.stiffness_nm_per_rad)

@@ -189,8 +189,15 @@ def _monitors(basis: Basis, gains: DraftGains) -> Values:
             )
         }
     )
+    wind_nm = min(significant(basis.wind_torque_nm, 3), basis.motor.motor.torque_rated_nm)
+    wind: Values = (
+        {"monitors.wind_torque_nm": computed(wind_nm, "largest moment of the wind, at the motor")}
+        if wind_nm
+        else {}
+    )
     return {
         **running,
+        **wind,
         "monitors.following_error_base_deg": computed(
             window(_BAND), "0.3 x required angle, or 3 x what friction and jerk make"
         ),

@@ -205,6 +205,12 @@ def motion_within_rating(m: Machine) -> Broken:
     return at_most(m.monitors.running_torque_nm, m.motor.torque_rated_nm, "the motor's rated torque")
 
 
+@rule("monitors.wind_torque_nm", "motor.torque_rated_nm")
+def wind_within_rating(m: Machine) -> Broken:
+    """A wind takes no more than the motor gives continuously, or it could not hold the axis in it."""
+    return at_most(m.monitors.wind_torque_nm, m.motor.torque_rated_nm, "the motor's rated torque")
+
+
 def motion_torque_nm(m: Machine) -> float:
     """Torque of the motor that a steady motion may need, N m: what the brake is tested with, or more by friction."""
     return max(m.brake.test_torque_nm, m.monitors.running_torque_nm)

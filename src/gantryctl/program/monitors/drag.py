@@ -30,7 +30,7 @@ class DragWatch:
 
     Until it has learned, all that any motion may need counts as load: the torque the brake is tested with, or where
     friction is above that what the machine file gives; and what an acceleration needs of the largest inertia with which
-    the quick stop is possible, J <= T_max / (i a_quick).
+    the quick stop is possible, J <= T_max / (i a_quick). What a wind may add is never taken for a brake.
 
     Attributes:
         model: what has been learned; its weights are retained memory.
@@ -39,7 +39,7 @@ class DragWatch:
     __slots__ = (
         "_alarms", "_feedback", "_grip_nm", "_grips", "_halt_nm", "_holding", "_known", "_lasts", "_load_nm",
         "_mean_nm", "_mean_share", "_over", "_over_grip", "_over_halt", "_per_acc", "_rated_nm", "_sample_scans",
-        "_virtual", "_wait", "_warning_nm", "model",
+        "_virtual", "_wait", "_warning_nm", "_wind_nm", "model",
     )  # fmt: skip
 
     def __init__(
@@ -63,7 +63,10 @@ class DragWatch:
         self._grips = round(_GRIPS_PERIODS * settings.monitors.swing_s / sample_s)
         self._load_nm = max(power.test_torque_nm, power.running_torque_nm)
         self._per_acc = power.torque_max_nm / settings.ramps.quick_dec_rad_s2
-        self.model = TorqueModel(settings.law.ratio, power.torque_rated_nm)
+        self._wind_nm = power.wind_torque_nm
+        self.model = TorqueModel(
+            settings.law.ratio, power.torque_rated_nm, in_wind=power.wind_torque_nm > 0.0
+        )
         self.begin()
 
     def begin(self) -> None:
@@ -84,7 +87,7 @@ class DragWatch:
         vel, acc = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
         sign = 1.0 if vel > 0.0 else -1.0
         if model.learned:
-            excess = sign * (torque_nm - model.expected_nm(pos_rad, vel, acc))
+            excess = sign * (torque_nm - model.expected_nm(pos_rad, vel, acc)) - self._wind_nm
         else:
             excess = sign * torque_nm - self._load_nm - self._per_acc * max(0.0, sign * acc)
         self._mean_nm += (excess - self._mean_nm) * self._mean_share

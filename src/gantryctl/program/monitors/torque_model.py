@@ -1,6 +1,7 @@
 """Torque model: expected torque and eccentric moment, learned from the motor's torque while the axis moves.
 
-T = a sin(theta) + b cos(theta) + c sign(v) + d v + e acc, fitted by recursive least squares with forgetting.
+T = a sin(theta) + b cos(theta) + c sign(v) + d v + e acc, and f in wind, fitted by recursive least squares with
+forgetting.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from typing import Final
 # A gear whose friction grows with the load makes the load look heavier where it is lifted and lighter where it is let
 # down. Motion both ways over the same angles takes most of that out; some 5 to 10 % of the moment stay.
 _COUNT: Final = 5
+# A steady wind takes a moment that goes with no angle and no direction of motion. Without wind nothing does, and it is
+# left out: motions over a few degrees would not tell it from the load.
+_COUNT_IN_WIND: Final = 6
 # Variance by which a weight may wander between two samples, in variances of one reading: at 20 Hz, what is 100 s old
 # counts by a third.
 _DRIFT: Final = 5e-7
@@ -21,7 +25,7 @@ _DRIFT: Final = 5e-7
 _START: Final = 100.0
 # Sine and cosine do not wander beyond: hours of small motions, which teach neither, do not lose them.
 _FIRM: Final = 0.01
-_LIMITS: Final = (_FIRM, _FIRM, _START, _START, _START)
+_LIMITS: Final = (_FIRM, _FIRM, _START, _START, _START, _START)
 # A weight is known when its standard deviation is below this share of the rated torque.
 _KNOWN_SHARE: Final = 0.005
 _SAMPLES_MIN: Final = 100
@@ -37,35 +41,39 @@ _ACC_RAD_S2: Final = 1e-3
 
 
 class TorqueModel:
-    """Five weights, learned in motion; results are nan until load and friction can be told apart.
+    """Weights, learned in motion; results are nan until load and friction can be told apart.
 
     Args:
         ratio: motor turns per gantry turn.
         torque_rated_nm: of the motor; weights are judged in shares of it.
+        in_wind: a moment from outside is one of them.
 
     Attributes:
         learned: whether it has seen enough.
     """
 
-    def __init__(self, ratio: float, torque_rated_nm: float) -> None:
-        self._ratio = ratio
+    def __init__(self, ratio: float, torque_rated_nm: float, *, in_wind: bool = False) -> None:
+        self._ratio, self._count = ratio, _COUNT_IN_WIND if in_wind else _COUNT
         self._known_nm = _KNOWN_SHARE * torque_rated_nm
         self.forget()
 
     def restore(self, weights: Sequence[float]) -> None:
         """Go on from what was learned before; anything but finite weights of this model changes nothing."""
-        if len(weights) == _COUNT and all(map(math.isfinite, weights)):
+        if len(weights) == self._count and all(map(math.isfinite, weights)):
             self._weights = list(weights)
-            self._cov = [[_KEPT if i == j else 0.0 for j in range(_COUNT)] for i in range(_COUNT)]
+            self._cov = self._spread(_KEPT)
             self._samples, self._reading_var, self.learned = _SAMPLES_MIN, _KEPT_VAR, True
 
     def forget(self) -> None:
         """Begin anew: the load is another one."""
-        self._weights = [0.0] * _COUNT
-        self._cov = [[_START if i == j else 0.0 for j in range(_COUNT)] for i in range(_COUNT)]
+        self._weights = [0.0] * self._count
+        self._cov = self._spread(_START)
         self._samples = 0
         self._reading_var = 0.0
         self.learned = False
+
+    def _spread(self, variance: float) -> list[list[float]]:
+        return [[variance if i == j else 0.0 for j in range(self._count)] for i in range(self._count)]
 
     def turn(self, by_rad: float) -> None:
         """Call every angle `by_rad` more from now on: the moment is that of the same place.
@@ -91,7 +99,7 @@ class TorqueModel:
             abs(vel_rad_s) > _MOVING_RAD_S and math.isfinite(pos_rad + vel_rad_s + acc_rad_s2 + torque_nm)
         ):
             return
-        x, cov = _features(pos_rad, vel_rad_s, acc_rad_s2), self._cov
+        x, cov = _features(pos_rad, vel_rad_s, acc_rad_s2)[: self._count], self._cov
         px = [sum(map(mul, row, x)) for row in cov]
         scale = 1.0 + sum(map(mul, x, px))
         error = torque_nm - sum(map(mul, self._weights, x))
@@ -100,7 +108,7 @@ class TorqueModel:
         self._cov = [
             [c - g * p for c, p in zip(row, px, strict=True)] for row, g in zip(cov, gain, strict=True)
         ]
-        for i, limit in enumerate(_LIMITS):
+        for i, limit in enumerate(_LIMITS[: self._count]):
             self._cov[i][i] += _DRIFT if self._cov[i][i] < limit else 0.0
         self._samples = min(self._samples + 1, _SAMPLES_MAX)
         self._reading_var += (error * error / scale - self._reading_var) / self._samples
@@ -116,7 +124,8 @@ class TorqueModel:
         if not self.learned:
             return math.nan
         moving = vel_rad_s if abs(vel_rad_s) > _MOVING_RAD_S else 0.0
-        return sum(w * f for w, f in zip(self._weights, _features(pos_rad, moving, acc_rad_s2), strict=True))
+        features = _features(pos_rad, moving, acc_rad_s2)[: self._count]
+        return sum(w * f for w, f in zip(self._weights, features, strict=True))
 
     def eccentric(self) -> tuple[float, float]:
         """Return the eccentric moment at the gantry, N m, and its angle of rest, rad; nan until learned.
@@ -132,7 +141,7 @@ class TorqueModel:
 
 def _features(pos_rad: float, vel_rad_s: float, acc_rad_s2: float) -> tuple[float, ...]:
     sign = math.copysign(1.0, vel_rad_s) if vel_rad_s else 0.0
-    return math.sin(pos_rad), math.cos(pos_rad), sign, vel_rad_s / _VEL_RAD_S, acc_rad_s2 / _ACC_RAD_S2
+    return math.sin(pos_rad), math.cos(pos_rad), sign, vel_rad_s / _VEL_RAD_S, acc_rad_s2 / _ACC_RAD_S2, 1.0
 
 
 def _turned(sine: float, cosine: float, cos: float, sin: float) -> tuple[float, float]:

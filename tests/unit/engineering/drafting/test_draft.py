@@ -112,6 +112,11 @@ def test_what_a_motion_may_need_is_in_the_file_where_friction_is_above_the_brake
     given = max(machine.brake.test_torque_nm, machine.monitors.running_torque_nm)
     assert given >= 0.99 * needs
     assert (machine.monitors.running_torque_nm > 0.0) is (template == "wind_turbine_yaw")
+    # Mean, and 3.5 times gusts of twice the turbulence.
+    wind = machine.plant.wind
+    wind_nm = abs(wind.moment_nm) * (1.0 + 7.0 * wind.turbulence) / machine.axis.ratio
+    assert machine.monitors.wind_torque_nm == pytest.approx(wind_nm, rel=0.006)
+    assert (wind_nm > 0.0) is (template in ("telescope_azimuth", "wind_turbine_yaw", "crane_slew"))
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
