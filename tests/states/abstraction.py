@@ -359,7 +359,7 @@ RULES: Final[dict[type, Rules]] = {
         count="_over _over_grip _over_halt _wait",
         # What it has learned is a number without end; `world.py` has one that learns nothing.
         fixed="_alarms _feedback _grip_nm _grips _halt_nm _holding _known _lasts _load_nm _mean_share _rated_nm "
-        "_sample_scans _per_acc _virtual _warning_nm model",
+        "_sample_scans _per_acc _virtual _warning_nm _wind_nm model",
     ),
     BrakeWear: Rules(
         # The limit of these settings is never reached.
