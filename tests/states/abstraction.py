@@ -232,11 +232,11 @@ RULES: Final[dict[type, Rules]] = {
         "motor_temp_c periods state state_old "
         "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",
-        count="_inputs_age _late_age _speed_age age unchanged_scans",
+        count="_gap_scans _inputs_age _late_age _speed_age age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         # `_rest` is what other attributes were taken from.
-        clock="_drift _rest _step _step_before _torque_left_nm _torque_twist_nm _turn_scan _turn_vel _uneven_scan "
-        "_vel_before",
+        clock="_drift _gap_way _rest _step _step_before _torque_left_nm _torque_twist_nm _turn_scan _turn_vel "
+        "_uneven_scan _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _swing_nm _turn_base "
         "_turn_per_torque _twist_share _vel_max "
         "_change_any _change_per_torque "

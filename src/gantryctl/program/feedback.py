@@ -103,7 +103,8 @@ class Feedback:
     __slots__ = (
         "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
         "_complains", "_counts_per_rad", "_deviation_ms", "_doubtful", "_drift", "_drift_keep", "_drift_max",
-        "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
+        "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_gap_scans", "_gap_way",
+        "_inputs_age",
         "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_let_go_scan", "_look", "_old", "_old_scans",
         "_period_s", "_ratio", "_rest", "_rest_rad_s", "_speed_age", "_speed_scan", "_spread", "_stands_from", "_step",
         "_step_before", "_swing_nm", "_torque_left_nm", "_torque_twist_nm", "_turn_base", "_turn_per_torque",
@@ -170,9 +171,10 @@ class Feedback:
         # `_look`: the reading of the next scan is looked at closely, whatever it says.
         self._look = self.encoder_alarm = self.in_doubt = self._old = self._doubtful = self._complains = False
         self._rest: tuple[Any, ...] = ()
-        self._drift = self._step = self._step_before = self._vel_before = 0.0
+        # `_gap_way`: by the speeds that were told while positions were missing, counts; `_gap_scans`: how many scans.
+        self._drift = self._step = self._step_before = self._vel_before = self._gap_way = 0.0
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
-        self._speed_age = self._inputs_age = 0
+        self._speed_age = self._inputs_age = self._gap_scans = 0
         self._spread = 0.0
         self.age = 0
         self.brake_contact = True
@@ -226,6 +228,9 @@ class Feedback:
             or not -drift_max <= drift <= drift_max
         ):
             counts, vel = self._look_closely(counts, vel, step, drive.encoder, drive.age_scans)
+            if self._gap_scans:
+                # Of several scans, or a step of 0.5 deg looked like 925 deg/s before it stood (E4).
+                step /= self._gap_scans + 1.0
         if step == 0.0:
             self._unchanged(vel_cmd_rad_s, drive.age_scans)
         else:
@@ -391,10 +396,7 @@ class Feedback:
             if math.isnan(self.counts):
                 self.in_doubt = True
         scan = self._alarms.scan
-        if age:
-            self._late_scan, self._late_age = scan, age
-        # The first telegram after missing ones may still be an old one, so two readings are judged by their age.
-        missed = self._late_age if scan - self._late_scan <= 1 + self.periods else 0
+        missed = self._missed(scan, age)
         self._look = self.encoder_alarm or age > 0
         self._old = age >= self._old_scans
         if self._old and Code.CAN_03 not in self._alarms.active:
@@ -415,6 +417,7 @@ class Feedback:
         else:
             behind = scan - self._speed_scan <= 1 + self.periods
             vel_rad_s = self._speed(vel_rad_s, step, scans + (self._old_scans if behind else 0))
+        self._gap_way += vel_rad_s * self._jump_per_speed * self.periods * (age > 0)
         if not math.isfinite(counts):
             self._drift = 0.0
             self.doubt(Code.CTL_02, measured=Words.ENCODER_COUNT)
@@ -427,6 +430,16 @@ class Feedback:
         else:
             self._judge_step(step, vel_rad_s, scans, late=missed > 0)
         return counts, vel_rad_s
+
+    def _missed(self, scan: int, age: int) -> int:
+        """How many positions are missing, or were before this one; 0 for none."""
+        since = scan - self._late_scan
+        if age:
+            self._gap_way = self._gap_way if since <= 1 + self.periods else 0.0
+            self._late_scan, self._late_age, since = scan, age, 0
+        # The first telegram after missing ones may still be an old one, so two readings are judged by their age.
+        self._gap_scans = self._late_age if since <= 1 + self.periods else 0
+        return self._gap_scans
 
     def _speed(self, vel_rad_s: float, step: float, scans: float) -> float:
         """Judge the speed; in place of an impossible one the speed of this step of the position."""
@@ -502,8 +515,11 @@ class Feedback:
             self._uneven_scan = self._alarms.scan
         per_deg = self._counts_per_rad * math.pi / 180.0
         way, way_now = (speed * self._jump_per_speed * scans for speed in (self.vel_rad_s, vel_rad_s))
-        # Over more than a scan the speed may have been any between, and a late reading may be one of the start.
-        ways = (way,) if scans <= 1.0 else (way, way_now, 0.0) if late else (way, way_now)
+        # Over more than a scan the speed may have been any between, and a late reading may be one of the start. Speeds
+        # that have come without positions tell the way: of a stop, none of these (E4 for 0.5 s in a ramp, ENC-01).
+        ways = [way] if scans <= 1.0 else [way, way_now]
+        if late:
+            ways += [0.0, self._gap_way + self.vel_rad_s * self._jump_per_speed]
         beyond = max(step - max(ways), min(ways) - step)
         if not beyond <= self._jump_base:
             self._drift = 0.0

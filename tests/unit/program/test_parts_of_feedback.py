@@ -411,6 +411,24 @@ def test_inputs_that_do_not_come_are_told_after_30_ms(period_s):
 
 
 @PERIODS
+@pytest.mark.parametrize("jump_deg", [0.0, 0.06])
+def test_a_stop_without_positions_ends_where_its_speeds_led_and_a_jump_beyond_is_one(period_s, jump_deg):
+    """From 3 deg/s by 6 deg/s2 it is 3^2 / (2 * 6) = 0.75 deg; it was ENC-01, and ENC-02 as the axis then stood."""
+    encoder = Encoder(period_s, 3.0)
+    held, scans = encoder.feedback.counts, round(0.5 / period_s)
+    encoder.command_deg_s = 0.0
+    for scan in range(1, scans + 1):
+        encoder.speed_deg_s = 3.0 - 6.0 * (scan - 0.5) * period_s
+        encoder.scan(counts=held, age_scans=scan, link=LinkFlag.LATE, speed_deg_s=3.0 - 6.0 * scan * period_s)
+    encoder.speed_deg_s = 0.0
+    encoder.scan(step_deg=jump_deg)
+    assert encoder.read_deg == approx(10.0 + 20.0 * 3.0 * period_s + 0.75 + jump_deg, abs=1e-4)
+    for _ in range(round(0.06 / period_s)):
+        encoder.scan()
+    assert encoder.codes == (["CAN-03", "ENC-01"] if jump_deg else ["CAN-03"])
+
+
+@PERIODS
 def test_a_speed_is_known_while_it_or_the_position_is_not_too_old(period_s):
     encoder = Encoder(period_s, 0.6)
     old = math.floor(0.030 / period_s + 1e-9)
