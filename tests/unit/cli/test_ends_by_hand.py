@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,13 +17,14 @@ import pytest
 from gantryctl.cli.axis import brake_test, why
 from gantryctl.cli.axis.display import log_line, print_motion
 from gantryctl.cli.axis.service_axis import brake_due
-from gantryctl.cli.drive import commission
+from gantryctl.cli.drive import commission, drive
 from gantryctl.cli.options import ATTACHED, confirm, to_service
 from gantryctl.commissioning import STEPS, Outcome, StepResult
 from gantryctl.engineering.computer import scan_trial
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import default_machine
 from gantryctl.operation import state as machine_state
+from gantryctl.operation import store
 from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Snapshot
 from gantryctl.program import BrakeTestOutcome
 from gantryctl.runtime import AlarmEntry
@@ -245,3 +247,45 @@ def test_a_size_is_in_the_unit_beside_it(state: Path, size: int, shown: str) -> 
     with (state / "hust_gantry" / "plant.json").open("wb") as file:
         file.truncate(size)
     assert f"{shown}  where the simulated machine stands" in done("state", "show").out
+
+
+def test_what_comes_into_a_state_while_it_is_locked_is_listed_too(
+    monkeypatch: pytest.MonkeyPatch, state: Path
+) -> None:
+    """A command that ran until this one had the lock."""
+    folder, enter = state / "hust_gantry", store.StateStore.__enter__
+    folder.mkdir(parents=True)
+    for name in ("lock", "plant.json"):
+        (folder / name).touch()
+
+    def entered(self: store.StateStore) -> store.StateStore:
+        made = enter(self)
+        (folder / "bus.json").write_text("{}")
+        return made
+
+    monkeypatch.setattr(store.StateStore, "__enter__", entered)
+    asked: list[str] = []
+    monkeypatch.setattr(click, "confirm", lambda text, **_: asked.append(text))
+    answer = cli("state", "remove")
+    assert "bus.json" in answer.err
+    assert len(asked) == 1
+    assert f"{len([*folder.iterdir()])} files" in asked[0]
+
+
+@pytest.mark.can
+@pytest.mark.parametrize(
+    ("code", "shown"), [(0, "-"), (None, "-"), (0x3210, "EMCY 3210: DC link overvoltage")]
+)
+def test_a_drive_has_an_error_where_it_tells_one(
+    monkeypatch: pytest.MonkeyPatch, code: int | None, shown: str
+) -> None:
+    """603F is 0 without one, and not in every drive."""
+    numbers = {0x6041: 0x0250, 0x6064: 7}
+    sdo = SimpleNamespace(number=numbers.__getitem__, optional={0x603F: code, 0x6061: 9}.get)
+    who = SimpleNamespace(name="d", software="1", key="k", text="a drive")
+    node = SimpleNamespace(identity=lambda: who, sdo=sdo)
+    settings = SimpleNamespace(node=2)
+    monkeypatch.setattr(drive, "drive_node", lambda _: nullcontext((node, settings, MACHINE)))
+    rows = dict(line.strip().split(maxsplit=1) for line in done("drive", "status").out.splitlines()[1:])
+    assert rows["error"].partition(" · ")[0] == shown
+    assert rows["position"] == "7 increments"
