@@ -215,7 +215,8 @@ def test_a_flood_in_one_scan_is_one_line() -> None:
         (0x8150, "same identifier"), (0x8210, "too short"), (0x8220, "longer"), (0x8240, "SYNC"),
         (0x8250, "missed its process data"), (0x2310, "overcurrent"), (0x2350, "overload of the drive or motor"),
         (0x2351, "warning"), (0x3210, "overvoltage"), (0x3220, "undervoltage"), (0x4310, "too hot"),
-        (0x5530, "memory"), (0x6310, "lost"), (0x7305, "encoder"), (0x8611, "following error"), (0xFF00, "specific"),
+        (0x5530, "memory"), (0x6310, "lost"), (0x7305, ": motor encoder"),
+        (0x8611, "following error"), (0xFF00, "manufacturer-specific"),
         # Any other one by its class (CiA 301).
         (0x1FFF, "general error"), (0x2FFF, "current"), (0x3FFF, "voltage"), (0x4123, "temperature"),
         (0x5FFF, "drive hardware"), (0x6FFF, "software or parameters"), (0x7FFF, "motor, brake, encoder"),
@@ -234,8 +235,23 @@ def test_a_code_says_what_it_means(code: int, says: str) -> None:
     assert [(each.register, each.vendor) for each in log.messages] == [(0, b""), (7, b"\1\2\3\4\5")]
 
 
-def test_unknown_codes_name_their_class() -> None:
-    assert "temperature" in emergency_text(0x4123)
+@pytest.mark.parametrize(
+    ("codes", "do"),
+    [
+        ((0x8110,), "Lower the bus load."), ((0x8120,), "Check cable, terminators and bit rate."),
+        ((0x8130, 0x8250), "Was the controller stopped or overloaded?"), ((0x8140,), "Check cable and terminators."),
+        ((0x8150,), "Give every node its own node id."), ((0x8210, 0x8220), "Start the controller again."),
+        ((0x8240,), "Another master may be on the bus."), ((0x2310,), "Motor cable or motor; call service."),
+        ((0x2350,), "Let it cool; move less or slower."), ((0x2351,), "Move less or slower."),
+        ((0x3210,), "Check the brake resistor: stops feed energy back."), ((0x3220,), "Check the mains."),
+        ((0x4310,), "Check cooling."), ((0x5530, 0x6310), "Restore the drive's parameters from a backup."),
+        ((0x7305,), "Check encoder cable and plug; call service."),
+        ((0x8611,), "The drive does not reach its set-point."), ((0xFF00,), "Read the drive's display."),
+        ((0x4123, 0xA000), "Look it up in the drive's manual."),
+    ],
+)  # fmt: skip
+def test_a_code_says_what_to_do(codes: tuple[int, ...], do: str) -> None:
+    assert [emergency_text(code).partition(" · ")[2] for code in codes] == [do] * len(codes)
 
 
 # --- telegram counters --------------------------------------------------------------------------------------------
