@@ -2,6 +2,7 @@
 // the bits that it has alone, scan after scan.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 
@@ -43,7 +44,8 @@ struct Population {
       if (k % 3 == 1) fit_ring_encoder(sim, static_cast<double>(k));
       sim.static_start(0.1 * static_cast<double>(k), k % 4 != 2);
       sim.count_offset = 3.0 * static_cast<double>(k);
-      sim.report.limited = k % 2 == 0;  // in the scan before
+      sim.report.limited = k % 2 == 0;                                     // in the scan before
+      if (k % 8 == 2) sim.brake.countdown = 7.0 + static_cast<double>(k);  // its brake has begun to open
       if (k % 9 == 4 || k % 9 == 6) sim.set_encoder_gain(k % 2 == 0 ? 0.9 : 1.1);
       if (k % 9 == 6) sim.jump_encoder(1e-4 * static_cast<double>(k));
       sims.push_back(sim);
@@ -301,6 +303,25 @@ TEST(RunJobs, takes_any_number_of_plants) {
     Population batch(plants);
     run_jobs(kernels(), batch.jobs(), 2);
     expect_same(batch, alone);
+  }
+}
+
+// Each thread asks each group of plants once for work.
+TEST(RunJobs, has_as_many_threads_as_are_asked_for_and_no_more_than_plants) {
+  static std::atomic<int> asked;
+  Kernels counting = kernels();
+  counting.run_group = [](const JobGroup&) { ++asked; };
+  Population one(1);
+  struct Row {
+    int threads;
+    std::size_t plants;
+    int expected;
+  };
+  for (const Row& row :
+       {Row{0, 5, 1}, Row{1, 5, 1}, Row{2, 5, 2}, Row{3, 5, 3}, Row{8, 5, 5}, Row{3, 1, 1}}) {
+    asked = 0;
+    run_jobs(counting, std::vector<Job>(row.plants, one.jobs()[0]), row.threads);
+    EXPECT_EQ(asked.load(), row.expected) << row.threads << " threads, " << row.plants << " plants";
   }
 }
 
