@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -284,6 +285,17 @@ def test_the_increment_of_the_last_run_where_it_still_fits(last_deg: float | Non
     levels = first_levels(default_machine(), 4.0, None, last)
     assert levels.increment_rad == pytest.approx(rad(begins_deg), rel=1e-12)
     assert levels.override == 1.0
+
+
+@pytest.mark.parametrize("last_deg", [None, 0.5, 0.3])
+def test_the_first_increment_of_a_small_travel_is_within_it(last_deg: float | None) -> None:
+    """A mirror of 0.4 deg: one degree could never be set there."""
+    whole = default_machine()
+    mirror: Any = SimpleNamespace(
+        speed=whole.speed, virtual_axis=whole.virtual_axis, axis=SimpleNamespace(pos_min_deg=-0.2, pos_max_deg=0.2)
+    )  # fmt: skip
+    levels = first_levels(mirror, 4.0, None, None if last_deg is None else rad(last_deg))
+    assert levels.increment_rad == pytest.approx(rad(0.3 if last_deg == 0.3 else 0.4), rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["move", "jog", "halt", "set", "mode", "give"])

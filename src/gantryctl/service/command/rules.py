@@ -108,7 +108,7 @@ def first_levels(
     speed_deg_s = speed.low if speed_rad_s is None else min(max(deg(speed_rad_s), speed.low), speed.high)
     step_deg = 1.0 if increment_rad is None else deg(increment_rad)
     if not step.low <= step_deg <= step.high:
-        step_deg = 1.0
+        step_deg = min(1.0, step.high)
     return OperatorCommand(speed_rad_s=rad(speed_deg_s), increment_rad=rad(step_deg), override=1.0)
 
 
