@@ -246,6 +246,32 @@ def test_a_drive_that_takes_no_command_goes_as_far_as_its_own_ramp(
     assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
 
 
+@pytest.mark.parametrize(("after_ms", "passes"), [(9, False), (10, True)])
+def test_a_brake_opens_behind_torque_that_has_been_on_for_10_ms(after_ms: int, passes: bool) -> None:
+    found: list[Violation] = []
+    axis = bare(found)
+    axis._axis = SimpleNamespace(settings=SimpleNamespace(period_s=0.004))
+    axis.ms = 100
+    axis._load.torque_on(axis.ms)
+    axis.ms += after_ms
+    axis._load.brake_opens(axis)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-6"])
+
+
+@pytest.mark.parametrize(("age_ms", "living"), [(0, True), (250, True), (251, False)])
+@pytest.mark.parametrize("key", ["forward", "reverse"])
+def test_a_key_asks_for_its_speed_as_long_as_its_lease_lives(key: str, age_ms: int, living: bool) -> None:
+    settings = axis_settings(default_machine())
+    asked = Asked(settings, settled=1.0, told=1.0, sag=1.0)
+    op = asked.levels._replace(power=True, mode=Mode.CONTINUOUS)
+    for now, levels in ((1000, op), (1100, op._replace(lease=1, **{key: True}))):
+        assert not asked.take(levels, now, 0.0, 0.0, moves=False, refused=None, in_force=settings.ramps)
+    assert asked.held(1100 + age_ms, 5.0) is living
+    # Both keys ask for nothing, whatever their lease.
+    asked.levels = asked.levels._replace(forward=True, reverse=True)
+    assert not asked.held(1100, 5.0)
+
+
 @pytest.mark.parametrize("sectors", [((1.0, 1.5), (2.0, 2.5)), ((2.0, 2.5), (1.0, 1.5))])
 @pytest.mark.parametrize(
     ("here", "stretch"),

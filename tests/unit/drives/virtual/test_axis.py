@@ -1,9 +1,13 @@
 """The CiA 402 axis on the full plant: every transition, option codes, brake, faults."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.axis.cia402 import State
+from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.axis.power_stage import Phase
 from unit.drives.virtual.bench import (
     DISABLE_VOLTAGE,
@@ -312,3 +316,22 @@ def test_a_watchdog_relay_closes_at_an_edge_and_not_at_a_level() -> None:
     cabinet.take({"watchdog": True})
     cabinet.advance(1_000)
     assert (cabinet.watchdog_closed, cabinet.brake_released) == (False, False)
+
+
+def test_torque_above_the_rated_comes_again_a_tenth_of_the_budget_later() -> None:
+    """A budget of 12 s at twice the rated torque, which takes 3 a second, and 0.9 of it at rest, which gives 1 back."""
+    limits: list[bool] = []
+    plant: Any = SimpleNamespace(
+        torque_nm=200.0, _hardware=SimpleNamespace(torque_rated_nm=100.0, tick_s=0.5), _account=0.0, _budget=12.0,
+        exhausted=False,
+    )  # fmt: skip
+    plant._apply_torque = lambda: limits.append(plant.exhausted)
+    told = []
+    for torque_nm, ticks in ((200.0, 9), (0.0, 4)):
+        plant.torque_nm = torque_nm
+        for _ in range(ticks):
+            DrivePlant._count_overload(plant)
+            told.append(plant.exhausted)
+    # 8 ticks of 1.5 make 12; at 12, 11.5 and 11 it is exhausted, at 10.5 of which 10.8 are the nine tenths no more.
+    assert told == [False] * 7 + [True] * 2 + [True] * 2 + [False] * 2
+    assert limits == [True, False]

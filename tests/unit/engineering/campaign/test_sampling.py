@@ -103,6 +103,9 @@ def test_discrete_values_come_as_often_as_their_weights_say() -> None:
     found = quantile(law, np.array([0.0, 0.2499, 0.25, 0.9999999999999999]))
     assert found.tolist() == [5.0, 5.0, 9.0, 9.0]
     assert range_of(law) == (5.0, 9.0)
+    # Each weight is that of its value, in whatever order they stand.
+    falling = DiscreteTable(keys=("a",), values=(9.0, 2.0, 7.0, 5.0), weights=(5.0, 2.0, 0.0, 3.0))
+    assert quantile(falling, np.array([0.49, 0.51, 0.69, 0.71])).tolist() == [9.0, 2.0, 2.0, 5.0]
     even = quantile(DiscreteTable(keys=("a",), values=(1.0, 2.0, 3.0)), UNIT)
     assert [int(np.sum(even == value)) for value in (1.0, 2.0, 3.0)] == [333, 333, 333]
 
