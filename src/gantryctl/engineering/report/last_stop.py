@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -15,6 +16,7 @@ from gantryctl.machine import Machine
 from gantryctl.program.alarms.codes import Code, Severity
 from gantryctl.program.alarms.table import ALARMS, describe_reaction
 from gantryctl.runtime import AlarmEntry
+from gantryctl.trace.files import Floats
 from gantryctl.trace.naming import begun_at, oldest_first
 from gantryctl.trace.reader import read_trace
 from gantryctl.trace.table import Trace
@@ -148,7 +150,7 @@ def _moment(trace: Trace, row: int, file: Path, rest_deg_s: float, *, doubted: b
         and rest < len(trace)
         and bool(np.isfinite(trace["pos_act_rad"][[row, min(rest, len(trace) - 1)]]).all())
     )
-    way = deg(float(trace["pos_act_rad"][rest] - trace["pos_act_rad"][row])) if known else None
+    way = deg(_way_rad(trace["pos_act_rad"][row : rest + 1])) if known else None
     state = trace["drive_state"]
     changes = [row, *(row + 1 + np.flatnonzero(np.diff(state[row:])))]
     return Moment(
@@ -160,6 +162,12 @@ def _moment(trace: Trace, row: int, file: Path, rest_deg_s: float, *, doubted: b
         float(time_s[rest] - time_s[row]) if known else None,
         way,
     )
+
+
+def _way_rad(pos_rad: Floats) -> float:
+    """Way from the first row to the last, without the whole turns by which the zero of a modulo axis moves on."""
+    turns = np.nansum(np.round(np.diff(pos_rad) / math.tau))
+    return float(pos_rad[-1] - pos_rad[0] - math.tau * turns)
 
 
 def sentences(machine: Machine, stop: LastStop, moment: Moment | None) -> Iterator[str]:

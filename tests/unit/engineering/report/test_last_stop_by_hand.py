@@ -37,12 +37,12 @@ def test_the_newest_stop_is_told_with_its_own_run_and_what_followed_from_it() ->
     assert last_stop([before], []) is None
 
 
-def recording(folder: Path) -> None:
+def recording(folder: Path, turns: float = 0.0) -> None:
     """Scans of 10 ms: 2 deg/s to minus, an alarm at 1.00 s, a swing through 0 at 1.10 s, rest at 1.20 s."""
     time_s = 0.01 * np.arange(200)
     vel = np.where(time_s < 0.995, -2.0, 0.0)
     vel[100:110], vel[111:120] = -1.0, 0.5
-    pos = 10.0 + np.concatenate([[0.0], np.cumsum(vel[:-1]) * 0.01])
+    pos = 10.0 + np.concatenate([[0.0], np.cumsum(vel[:-1]) * 0.01]) - 360.0 * turns * (time_s > 1.045)
     error = np.where(time_s < 0.985, 0.01, np.where(time_s < 0.995, 0.3, 0.0))
     state = np.where(time_s < 1.045, DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED)
     columns = {
@@ -73,6 +73,16 @@ def test_a_recording_tells_speed_error_way_and_rest_of_a_stop(tmp_path: Path) ->
     assert "It stood 0.20 s later, -0.055 deg from there." in told
     assert "50 ms later switch on disabled" in told
     assert "turning at -1.000 deg/s, the set-point +0.3000 deg ahead of it, with -12.0 N m" in told
+
+
+@pytest.mark.parametrize("turns", [1.0, -3.0])
+def test_a_zero_that_moves_on_within_a_stop_is_no_way(tmp_path: Path, turns: float) -> None:
+    """An axis without ends whose set-point lets go of it far from its zero."""
+    recording(tmp_path, turns)
+    moment = moment_of(default_machine(), entry("CTL-03", 1.0), tmp_path)
+    assert moment is not None
+    assert moment.way_deg == pytest.approx(-0.1 + 0.045)
+    assert moment.rest_s == pytest.approx(0.2)
 
 
 def test_a_recording_in_which_the_alarm_did_not_come_is_of_another_run(tmp_path: Path) -> None:
