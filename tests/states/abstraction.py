@@ -373,10 +373,10 @@ RULES: Final[dict[type, Rules]] = {
     ),
     # By these settings a reading may stand without end, and the stub gives no torque against its motion.
     Liveness: Rules(
-        clock="_at _counts _jumped _scan _slowest _still _stood_nm _torque_nm _torque_scan _tries _vel "
+        clock="_at _counts _hangs_nm _held _jumped _scan _slowest _still _stood_nm _torque_nm _torque_scan _tries _vel "
         "dithers vel_rad_s",
-        fixed="_after _alarms _back _counts_per_rad _feedback _half _holding _patience _period_s _torque_against_nm "
-        "_torque_full_nm _torque_scans _torque_still_nm _unproven",
+        fixed="_after _alarms _back _counts_per_rad _feedback _half _hangs_scans _holding _patience _period_s "
+        "_torque_against_nm _torque_full_nm _torque_scans _torque_still_nm _unproven",
     ),
     Monitors: Rules(
         part="_oscillation _torque_watch drag",

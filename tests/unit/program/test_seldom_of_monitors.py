@@ -130,6 +130,32 @@ def test_a_torque_that_jumps_as_the_count_begins_to_stand_is_one_jump(way):
     assert watch.dithers == 0
 
 
+@BOTH
+@pytest.mark.parametrize(
+    ("held_ms", "lives_on", "turns", "told"),
+    [
+        (250, True, False, []), (150, True, False, ["ENC-02"]), (250, False, False, ["ENC-02"]),
+        (250, True, True, ["ENC-02"]),
+    ],
+)  # fmt: skip
+def test_a_load_that_has_hung_on_a_torque_at_rest_may_hang_on_it_as_its_brake_closes(
+    held_ms, lives_on, turns, told, way
+):
+    """56 N m that nobody has learned, 15 permitted: no wind where the reading froze, or what a ramp before has left."""
+    parts = Parts(monitors={"encoder_still_time_s": 5.0, "torque_still_max_nm": 15.0})
+    watch = Liveness(parts.settings, parts.feedback, parts.holding, parts.alarms)
+    parts.feedback.torque_nm = way * 56.0
+    for scan in range(held_ms + 40):
+        parts.alarms.scan += 1
+        if scan < held_ms:
+            parts.feedback.counts = 100.0 + (scan // 10 % 2 if lives_on else 0.0)
+            watch.stand(proven=True)
+        else:
+            parts.feedback.torque_nm = way * (75.0 if turns else 56.0)
+            watch.stop()
+    assert parts.codes == told
+
+
 def test_a_drive_above_its_ramp_for_a_scan_has_left_it():
     parts = Parts()
     watch = RampWatch(parts.settings, parts.feedback)

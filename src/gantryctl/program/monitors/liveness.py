@@ -23,6 +23,9 @@ _DITHER_SHOWS_SCANS: Final = 3
 # Where no torque proof has shown the reading, the axis trusts it only this long.
 _UNPROVEN_STILL_S: Final = 0.050
 _STILL_UNDER_TORQUE_S: Final = 0.030
+# Held so long by the drive at rest, and with a reading that lives, the load hangs on the torque of then, whatever has
+# been learned by then: what a ramp leaves has gone, and a frozen reading does not live.
+_HANGS_S: Final = 0.2
 # Speed that a sound axis never gains against the torque of its drive: 0.08 deg/s with 8192 steps. None of 252 sound
 # quick stops with a torque limit of 2 to 90 % came to be judged so. Of 180 in which the sign turned 0.2 s before to
 # 0.1 s after the end of the ramp (1 and 3 deg/s, 1, 4 and 10 ms) 174 tell no angle; the brake held the other 6.
@@ -44,10 +47,10 @@ class Liveness:
     """
 
     __slots__ = (
-        "_after", "_alarms", "_at", "_back", "_counts", "_counts_per_rad", "_feedback", "_half", "_holding",
-        "_jumped", "_patience", "_period_s", "_scan", "_slowest", "_still", "_stood_nm", "_torque_against_nm",
-        "_torque_full_nm", "_torque_nm", "_torque_scan", "_torque_scans", "_torque_still_nm", "_tries", "_unproven",
-        "_vel", "dithers", "vel_rad_s",
+        "_after", "_alarms", "_at", "_back", "_counts", "_counts_per_rad", "_feedback", "_half", "_hangs_nm",
+        "_hangs_scans", "_held", "_holding", "_jumped", "_patience", "_period_s", "_scan", "_slowest", "_still",
+        "_stood_nm", "_torque_against_nm", "_torque_full_nm", "_torque_nm", "_torque_scan", "_torque_scans",
+        "_torque_still_nm", "_tries", "_unproven", "_vel", "dithers", "vel_rad_s",
     )  # fmt: skip
 
     def __init__(
@@ -69,9 +72,10 @@ class Liveness:
         # No load needs more than the brake is tested with; more of it against a motion brakes the motion.
         self._torque_against_nm = settings.power.test_torque_nm
         self._torque_full_nm = _FULL_SHARE * settings.power.torque_max_nm
-        self._counts = self._slowest = self._stood_nm = self._torque_nm = math.nan
+        self._hangs_scans = settings.scans(_HANGS_S)
+        self._counts = self._slowest = self._stood_nm = self._torque_nm = self._hangs_nm = math.nan
         self._scan = self._torque_scan = -2
-        self._still = self._at = self._tries = self.dithers = 0
+        self._still = self._at = self._tries = self._held = self.dithers = 0
         self.vel_rad_s = self._vel = 0.0
         self._jumped = False
 
@@ -91,6 +95,9 @@ class Liveness:
     def stand(self, *, proven: bool) -> None:
         """One scan of an axis that the drive holds at rest by speed commands; `proven`: by a torque proof."""
         self._watch_still()
+        self._held += self._feedback.periods
+        if self._held > self._hangs_scans and not self._still:
+            self._hangs_nm = self._feedback.torque_nm
         if self._at:
             self._go_on()
         elif self._torque_leaves() or self._still >= (self._patience if proven else self._unproven):
@@ -101,6 +108,7 @@ class Liveness:
 
         A crane of 0.84 Hz ends its ramp in 0.18 s below 0.1 deg/s; 87 N m had left by then (axes 1062).
         """
+        self._held, self._hangs_nm = 0, math.nan
         self._at, self.vel_rad_s = 0, 0.0
         self._watch_still()
 
@@ -108,6 +116,9 @@ class Liveness:
         """One scan of a drive that comes to rest, or holds, without the controller's speed commands."""
         self._watch_still()
         if self._still < self._torque_scans:
+            return
+        # Half a second after the first power-up nobody had learned the 56 N m of wind on a telescope that parked.
+        if abs(self._feedback.torque_nm - self._hangs_nm) <= self._torque_still_nm:
             return
         torque_nm = self._feedback.torque_nm - self._holding.mean_nm
         if not abs(torque_nm) <= self._torque_still_nm:
@@ -119,6 +130,7 @@ class Liveness:
         # An old count stands because nothing newer came.
         if scan - self._scan > feedback.periods or feedback.age:
             self._counts, self._at, self.vel_rad_s = math.nan, 0, 0.0
+            self._held, self._hangs_nm = 0, math.nan
         self._scan = scan
         if feedback.counts == self._counts:
             self._still += feedback.periods
