@@ -306,6 +306,27 @@ TEST(RunJobs, takes_any_number_of_plants) {
   }
 }
 
+// A plant that begins where another has ended is behind those beside it on the same plan.
+TEST(RunJobs, gives_plants_at_different_times_of_one_plan_their_own_set_points) {
+  const Segments plan = example::triangle(0.0, 0.0002, kAcc);
+  const std::vector<Leg> legs = {{plan, 40, 1}, {plan, 10, 1}};
+  const GantrySim<double> start = Population(1).sims[0];
+  for (const Kernels* kernels : supported_kernels()) {
+    std::vector<GantrySim<double>> sims(21, start);
+    std::vector<LegResult<double>> figures(sims.size());
+    std::vector<Job> jobs;
+    for (std::size_t k = 0; k < sims.size(); ++k)
+      jobs.push_back({&sims[k], {example::law()}, &legs[k == 1 ? 1 : 0], 1, &figures[k]});
+    run_jobs(*kernels, {jobs[0]}, 1);
+    run_jobs(*kernels, {jobs.begin() + 1, jobs.end()}, 1);
+    EXPECT_GT(figures[0].max_travel_load_rad, 0.0);
+    for (std::size_t k = 2; k < sims.size(); ++k) {
+      expect_bits(figures[0].max_pos_err_motor_rad, figures[k].max_pos_err_motor_rad, kernels->name, k);
+      expect_bits(figures[0].mean_pos_load_rad, figures[k].mean_pos_load_rad, kernels->name, k);
+    }
+  }
+}
+
 // Each thread asks each group of plants once for work.
 TEST(RunJobs, has_as_many_threads_as_are_asked_for_and_no_more_than_plants) {
   static std::atomic<int> asked;
