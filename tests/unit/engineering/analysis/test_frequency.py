@@ -17,6 +17,7 @@ from gantryctl.engineering.analysis.measured.response import (
     model_ratios,
     simulated_probe,
 )
+from gantryctl.engineering.analysis.models.margins import phase_margins, smallest_phase_margin
 from gantryctl.engineering.analysis.models.mechanics import Friction
 from gantryctl.engineering.analysis.models.sampled import Input
 from gantryctl.engineering.analysis.text import measured_sentence
@@ -221,3 +222,33 @@ def test_turning_comes_to_rest_again():
 def test_a_way_that_does_not_fit_is_refused():
     with pytest.raises(UsageError, match=r"takes 48 deg: 155 to 203 deg must lie within"):
         measure_simulated(MACHINE, Condition("turning", 10.0, 0.3, 179.0, Friction.SLIDING))
+
+
+GRID = np.geomspace(0.1, 100.0, 500)
+
+
+def test_a_loop_whose_margin_is_negative_bears_a_delay_of_a_turn_less() -> None:
+    """An integrator behind 2 s crosses 1 at 1 rad/s with 180 - 90 - 114.59 deg: 335.41 deg of delay turn it round."""
+    (found,) = phase_margins(lambda w: np.exp(-2j * w) / (1j * w), GRID)
+    assert (found.margin_deg, found.crossover_rad_s) == pytest.approx((-24.592, 1.0), abs=1e-3)
+    assert found.delay_s == pytest.approx(math.radians(335.408), abs=1e-4)
+    (sound,) = phase_margins(lambda w: np.exp(-0.5j * w) / (1j * w), GRID)
+    assert sound.delay_s == pytest.approx(0.5 * math.pi - 0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(("first_deg", "second_deg"), [(-100.0, 20.0), (100.0, -20.0), (30.0, 70.0)])
+def test_the_crossover_that_counts_is_the_nearest_to_instability_on_either_side(
+    first_deg: float, second_deg: float
+) -> None:
+    """Above 1 between 1 and 10 rad/s, with these margins there."""
+
+    def loop(w: np.ndarray) -> np.ndarray:
+        place = np.log10(w)
+        margin_deg = first_deg + (second_deg - first_deg) * place
+        return np.exp(place * (1.0 - place)) * np.exp(1j * np.radians(margin_deg - 180.0))
+
+    found = smallest_phase_margin(loop, GRID)
+    assert found is not None
+    nearest = min((first_deg, second_deg), key=abs)
+    assert found.margin_deg == pytest.approx(nearest, abs=1e-4)
+    assert found.crossover_rad_s == pytest.approx(1.0 if nearest == first_deg else 10.0, rel=1e-6)
