@@ -181,3 +181,13 @@ def test_a_drift_goes_to_and_fro_and_not_away() -> None:
     assert read[:, 0].tolist() == read[:, 1].tolist()
     assert np.std(read[:, 0]) == pytest.approx(1.0, rel=0.1)
     assert abs(np.corrcoef(read[1:, 0], read[:-1, 0])[0, 1]) < 0.15
+
+
+@pytest.mark.parametrize("angle_deg", [10.0, 45.0, 80.0, -30.0, 90.0])
+def test_a_level_whose_plane_leans_reads_less_than_the_angle(angle_deg: float) -> None:
+    """atan(tan a cos t) - a for a tilt t of 0.1 deg; half a second of arc at 45 deg, nothing at 0 and 90."""
+    (lean,) = (each for each in sources_of("level") if each.name.startswith("level, tilt"))
+    pattern = lean.value * lean.pattern(np.array([angle_deg]), np.zeros(1))[0, 0]
+    a, tilt = np.radians(angle_deg), np.radians(0.1)
+    seen = np.degrees(np.arctan2(np.sin(a) * np.cos(tilt), np.cos(a)) - a)
+    assert pattern == pytest.approx(seen, abs=1e-9)
