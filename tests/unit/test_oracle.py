@@ -12,6 +12,7 @@ import pytest
 from gantryctl.engineering.faults.oracle import limits
 from gantryctl.engineering.faults.oracle.asked import Asked
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
+from gantryctl.engineering.faults.oracle.known import Effect, KnownFaults
 from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.silence import Silence
 from gantryctl.engineering.faults.oracle.stretch import stretch_around
@@ -454,3 +455,19 @@ def test_the_limits_are_those_of_the_fault_catalogue(kind: StopClass, ways: dict
     for speed, way in ways.items():
         assert limits.way_deg(kind, speed) == pytest.approx(way)
         assert limits.way_deg(kind, -speed) == pytest.approx(way)
+
+
+def test_a_cause_that_lasts_keeps_its_onset() -> None:
+    """A second fault gives the axis no way anew, but one of the feedback has its own, and one behind 3 s too."""
+    known = KnownFaults()
+
+    def at(ms: int, *, feedback: bool = False) -> int:
+        known.inject(
+            Instant(ms, 0.0, 0.0, energised=True, brake_open=True), Effect(feedback=feedback, at_once=True)
+        )
+        assert known.onset is not None
+        return known.onset.ms
+
+    assert [at(100), at(500), at(600, feedback=True), at(700, feedback=True), at(800), at(3700)] == [
+        100, 100, 600, 600, 600, 3700,
+    ]  # fmt: skip

@@ -101,3 +101,9 @@ def test_equal_recordings_have_no_difference_and_strange_ones_are_refused() -> N
     nowhere = Trace({"time_s": TIME_S, "pos_act_rad": np.full(1000, math.nan)})
     assert differences(difference(nowhere, same, 0.0))[0].largest is None
     assert motion_begins_s(nowhere) is None
+
+
+def test_a_recording_may_begin_backwards() -> None:
+    backwards = recording(100)
+    backwards["vel_ref_rad_s"][:] *= -1.0
+    assert motion_begins_s(backwards) == pytest.approx(0.1)

@@ -231,3 +231,11 @@ def test_every_quick_stop_is_judged_with_the_way_before_it_begins(
     stops.append(STOP._replace(stop_class=StopClass.NORMAL, angle_deg=46.0))
     rows = [StopRow(stop, stop.angle_deg + 0.36, inspect=False) for stop in stops]
     assert quick_within(default_machine(), rows) is kept
+
+
+def test_the_swing_of_a_load_is_a_speed_and_not_its_way() -> None:
+    """0.07 deg/s behind a stop whose load goes 19.4 deg."""
+    table = stops_text(
+        [StopRow(STOP._replace(load_angle_deg=19.4, load_swing_deg_s=0.07), 22.1, inspect=False)]
+    )
+    assert dict(zip(table.heads, table.rows[0], strict=True))["load swing\ndeg/s"] == "0.07"
