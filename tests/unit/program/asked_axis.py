@@ -30,7 +30,7 @@ class Asked:
         self.alarms = AlarmLog()
         self.recovery = SimpleNamespace(resetting=False, failure=None)
         self.power = SimpleNamespace(status=False)
-        self.virtual = SimpleNamespace(override=1.0)
+        self.virtual = SimpleNamespace(override=1.0, pos_ref_rad=0.0)
         self.brake_test = SimpleNamespace(
             count=4, phase=BrakeTestPhase.IDLE, plus_nm=math.nan, minus_nm=math.nan, moved_rad=0.0,
             outcome=None, words="words",
