@@ -244,6 +244,10 @@ class Connection:
             return bool(self._values.get("authority_client") == self.welcome.client)
         if message["type"] == "reply":
             reply = Reply(**{name: message[name] for name in Reply._fields})
+            # The next command names it, before a frame shows it. A lower one has waited for the disk, or is of a
+            # controller that was started anew, which the next frame tells.
+            if reply.epoch is not None and reply.epoch > self._values.get("epoch", reply.epoch):
+                self._values["epoch"] = reply.epoch
             if reply.seq in self._awaited:
                 self._awaited[reply.seq] = reply
             elif not reply.ok:

@@ -171,7 +171,8 @@ class Feedback:
         # `_look`: the reading of the next scan is looked at closely, whatever it says.
         self._look = self.encoder_alarm = self.in_doubt = self._old = self._doubtful = self._complains = False
         self._rest: tuple[Any, ...] = ()
-        # `_gap_way`: by the speeds that were told while positions were missing, counts; `_gap_scans`: how many scans.
+        # `_gap_way`: by the speeds that were told while positions were missing, less what has come of it, counts;
+        # `_gap_scans`: how many scans.
         self._drift = self._step = self._step_before = self._vel_before = self._gap_way = 0.0
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
         self._speed_age = self._inputs_age = self._gap_scans = 0
@@ -429,6 +430,8 @@ class Feedback:
             self._drift = 0.0
         else:
             self._judge_step(step, vel_rad_s, scans, late=missed > 0)
+            # What has come is told no more, or a bus on which every telegram is late would hide any jump.
+            self._gap_way -= step
         return counts, vel_rad_s
 
     def _missed(self, scan: int, age: int) -> int:

@@ -36,12 +36,14 @@ class FakeService:
         sent: the messages in their order, checked as the service does.
         refused: code by kind of message.
         moves: tags that appear with the reply to a message of a kind.
+        epoch: of every reply.
     """
 
     def __init__(self, **values: Any) -> None:
         self.sent: list[dict[str, Any]] = []
         self.refused: dict[str, str] = {}
         self.moves: dict[str, dict[str, Any]] = {}
+        self.epoch = 7
         self._out: queue.Queue[str | None] = queue.Queue()
         self._frames = 0
         self._out.put(json.dumps(WELCOME))
@@ -73,7 +75,7 @@ class FakeService:
             "text": "why",
             "values": {},
         }
-        self._out.put(json.dumps({**reply, "epoch": 7, "journal": 0}))
+        self._out.put(json.dumps({**reply, "epoch": self.epoch, "journal": 0}))
 
     def receive(self) -> str:
         found = self._out.get(timeout=PATIENCE_S)

@@ -238,6 +238,22 @@ def test_a_refusal_is_not_among_what_was_done_but_not_kept(axis: Axis, service: 
     assert not axis._connection.kept_late
 
 
+@pytest.mark.parametrize(("replied", "named"), [(8, 8), (7, 7), (6, 7)])
+def test_what_follows_a_stop_at_once_names_the_epoch_that_the_stop_has_begun(
+    axis: Axis, service: FakeService, replied: int, named: int
+) -> None:
+    """No frame has shown it yet; a lower one is of a reply that has waited, and a stop has come since."""
+    service.epoch = replied
+    axis.stop()
+    axis._ask("set", shown=False, tag="speed_setting_deg_s", value=1.0)
+    assert service.sent[-1]["epoch"] == named
+    # The next frame is the newest.
+    service.frame(epoch=9)
+    axis.wait_until(lambda tags: tags.epoch == 9, 5.0)
+    axis._ask("set", shown=False, tag="speed_setting_deg_s", value=1.0)
+    assert service.sent[-1]["epoch"] == 9
+
+
 def test_what_a_command_did_is_shown_before_its_event_is_on_the_disk() -> None:
     """The reply has waited for the disk as long as it had to; the tags need not."""
     service = FakeService(journal_sequence=40, journal_committed=39)

@@ -171,7 +171,7 @@ DRIVE: Final = (
                 "test_a_fault_with_its_message_is_no_complaint",
                 "test_a_flood_of_warnings_is_told_and_stops_nothing",
             ),
-            *at("unit/drives/canopen/test_canopen_parts.py", "test_unknown_codes_name_their_class"),
+            *at("unit/drives/canopen/test_canopen_parts.py", "test_a_code_says_what_to_do"),
         ),
     ),
     Row(
