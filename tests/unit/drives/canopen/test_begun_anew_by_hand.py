@@ -23,10 +23,11 @@ from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, LinkFlag, OutputImage
 from unit.drives.canopen.canopen_bench import Bench
+from unit.drives.canopen.dictionary import Dictionary, settings
 from unit.drives.canopen.test_nodes_by_hand import CONTACTS, RING, neighbours, of_cia_401
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
 from unit.drives.canopen.test_scan_by_hand import sent_from_now, statuswords
-from unit.drives.canopen.test_set_up_by_hand import NOTHING, Dictionary, settings
+from unit.drives.canopen.test_set_up_by_hand import NOTHING
 from unit.drives.canopen.wire import Asked, Wire, remote_node
 
 pytestmark = pytest.mark.can

@@ -12,7 +12,7 @@ from gantryctl.drives.canopen.bus.node import NmtState
 from gantryctl.drives.canopen.stop_by_sdo import StopBySdo
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
 from unit.drives.canopen.canopen_bench import Bench
-from unit.drives.canopen.test_set_up_by_hand import Dictionary, settings
+from unit.drives.canopen.dictionary import Dictionary, settings
 from unit.drives.canopen.wire import Asked, Wire, remote_node
 
 pytestmark = pytest.mark.can

@@ -17,8 +17,8 @@ from gantryctl.drives.canopen.bus.requests import SdoRequests
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.errors import UsageError
 from gantryctl.image import LinkFlag
+from unit.drives.canopen.dictionary import Dictionary
 from unit.drives.canopen.test_refusals_and_silence import Scripted, message
-from unit.drives.canopen.test_set_up_by_hand import Dictionary
 from unit.drives.canopen.wire import Wire, remote_node
 
 pytestmark = pytest.mark.can

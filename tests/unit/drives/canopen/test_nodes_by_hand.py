@@ -17,7 +17,8 @@ from gantryctl.drives.canopen.nodes.ring_encoder import RingEncoder
 from gantryctl.drives.canopen.settings import InputBits, IoNodeSettings, LoadEncoderSettings, OutputBits
 from gantryctl.errors import DeviceError
 from gantryctl.image import LinkFlag
-from unit.drives.canopen.test_set_up_by_hand import NOTHING, Dictionary, settings
+from unit.drives.canopen.dictionary import Dictionary, settings
+from unit.drives.canopen.test_set_up_by_hand import NOTHING
 from unit.drives.canopen.wire import Wire, remote_node
 
 pytestmark = pytest.mark.can

@@ -28,10 +28,10 @@ from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag, OutputImage
 from unit.drives.canopen.canopen_bench import Bench
+from unit.drives.canopen.dictionary import Dictionary, settings
 from unit.drives.canopen.test_in_motion_by_hand import Stop
 from unit.drives.canopen.test_nodes_by_hand import of_cia_401
 from unit.drives.canopen.test_scan_by_hand import HEARTBEAT, TPDO_1, sent_from_now, statuswords
-from unit.drives.canopen.test_set_up_by_hand import Dictionary, settings
 from unit.drives.canopen.test_supervision_by_hand import Watched
 from unit.drives.canopen.test_wire import ALL, BOTH, TURN, Telegrams
 from unit.drives.canopen.wire import Wire, remote_node

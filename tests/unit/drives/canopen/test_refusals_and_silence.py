@@ -31,7 +31,8 @@ from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import OutputImage
 from unit.drives.canopen.canopen_bench import Bench
-from unit.drives.canopen.test_set_up_by_hand import READ_ONLY, UNUSED, Dictionary, drive_of, settings
+from unit.drives.canopen.dictionary import READ_ONLY, Dictionary, settings
+from unit.drives.canopen.test_set_up_by_hand import UNUSED, drive_of
 from unit.drives.canopen.wire import NODE, Wire, remote_node
 
 pytestmark = pytest.mark.can

@@ -19,10 +19,11 @@ from gantryctl.drives.canopen.settings import LoadEncoderSettings
 from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
 from unit.drives.canopen.canopen_bench import Bench
+from unit.drives.canopen.dictionary import Dictionary, settings
 from unit.drives.canopen.test_in_motion_by_hand import Stop
 from unit.drives.canopen.test_nodes_by_hand import neighbours
 from unit.drives.canopen.test_scan_by_hand import HEARTBEAT, RPDO_1, sent_from_now, statuswords
-from unit.drives.canopen.test_set_up_by_hand import UNUSED, Dictionary, settings
+from unit.drives.canopen.test_set_up_by_hand import UNUSED
 from unit.drives.canopen.test_supervision_by_hand import Watched
 from unit.drives.canopen.test_wire import ALL, TPDO_1, TPDO_2, Telegrams
 

@@ -9,7 +9,7 @@ import pytest
 from gantryctl.drives.canopen.emergency import EmergencyLog
 from gantryctl.drives.canopen.supervision import Supervision
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
-from unit.drives.canopen.test_set_up_by_hand import settings
+from unit.drives.canopen.dictionary import settings
 from unit.drives.canopen.wire import Asked, Wire, remote_node
 
 pytestmark = pytest.mark.can
