@@ -355,12 +355,13 @@ def state_name(state: DriveState) -> str:
 
 @contextmanager
 def open_loop_axis(
-    c: Context, leash_deg: float, part: str = "", *, following: bool = True
+    c: Context, leash_deg: float, part: str = "", *, following: bool = True, way: float = 0.0
 ) -> Iterator[OpenLoopAxis]:
     """Open the drive, and leave it off, braked and with its rest position retained.
 
     Args:
         part: of the step, for the title of its picture; where the gantry does not move there is no picture.
+        way: its sign is the direction in which the step turns the axis; 0: either.
 
     Raises:
         CommandRefused: its parameters forbid enabling.
@@ -385,7 +386,7 @@ def open_loop_axis(
         for reason in bus_reasons(machine, store, drive, commissioning=True):
             raise CommandRefused(reason.text)
         # Nothing was tried, so that nothing has failed: what was proven before stands.
-        if near := why_no_room(machine, opened.reading, leash_deg, opened.retained.doubted_by):
+        if near := why_no_room(machine, opened.reading, leash_deg, opened.retained.doubted_by, way):
             raise StepStopped(near)
         with keeps_time() if machine.paced_by_clock else nullcontext():
             yield axis

@@ -13,11 +13,14 @@ _STANDS_DEG: Final = 0.1
 _TURNS: Final = (-720.0, -360.0, 0.0, 360.0, 720.0)
 
 
-def why_no_room(machine: Machine, reading: AbsoluteReading, leash_deg: float, doubted_by: str = "") -> str:
-    """Why a step may not go as far as its leash either way, in words; "" where it may.
+def why_no_room(
+    machine: Machine, reading: AbsoluteReading, leash_deg: float, doubted_by: str = "", way: float = 0.0
+) -> str:
+    """Why a step may not go as far as its leash, in words; "" where it may.
 
     Args:
         doubted_by: the alarm since which the angle is in doubt, "" for none.
+        way: its sign is the direction in which the step turns the axis; 0: either.
     """
     if leash_deg <= _STANDS_DEG:
         return ""
@@ -30,7 +33,8 @@ def why_no_room(machine: Machine, reading: AbsoluteReading, leash_deg: float, do
         )
     at_deg = reading.angle_deg
     assert at_deg is not None  # it is referenced
-    met = _met(machine, at_deg - leash_deg, at_deg + leash_deg)
+    back_deg, ahead_deg = (leash_deg if way * side >= 0.0 else _STANDS_DEG for side in (-1.0, 1.0))
+    met = _met(machine, at_deg - back_deg, at_deg + ahead_deg)
     if not met:
         return ""
     at = machine.axis.dial.text(at_deg, ".1f")

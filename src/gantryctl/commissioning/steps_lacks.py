@@ -92,7 +92,7 @@ def _stop_from(c: Context, speed: float) -> QuickStop:
     way = permitted_way_deg(speed, softest)
     acc = trial_acc_deg_s2(c.machine)
     leash = speed * speed / (2.0 * acc) + CRUISE_S * abs(speed) + way + _SPARE_DEG
-    with open_loop_axis(c, leash, f"quick stop from {speed:+g} deg/s") as axis:
+    with open_loop_axis(c, leash, f"quick stop from {speed:+g} deg/s", way=speed) as axis:
         axis.enable()
         axis.ramp_to(speed, acc)
         axis.run(CRUISE_S, speed_deg_s=speed)

@@ -168,7 +168,7 @@ def _at_speed(c: Context, what: str, speed: float, way_deg: float) -> Iterator[O
     """The axis at a speed, with the position loop open, on a leash that ends with the permitted stop."""
     acc = trial_acc_deg_s2(c.machine)
     leash = speed * speed / (2.0 * acc) + CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
-    with open_loop_axis(c, leash, f"{what} from {speed:+g} deg/s") as axis:
+    with open_loop_axis(c, leash, f"{what} from {speed:+g} deg/s", way=speed) as axis:
         axis.enable()
         axis.ramp_to(speed, acc)
         axis.run(CRUISE_S, speed_deg_s=speed)

@@ -61,6 +61,7 @@ class HandDrive:
         quick_dec: ramp of its quick stop, deg/s2; `after`: state and brake when it has ended.
         wrote: every output. spoil: changes the feedback.
         leashes: of the steps that have opened it, and whether it must follow.
+        ways: directions in which they turn it, by their sign.
     """
 
     def __init__(self, **what: Any) -> None:
@@ -81,6 +82,7 @@ class HandDrive:
         self.opened = SimpleNamespace(units=units, rows=rows, settings=self.settings)
         self.wrote: list[OutputImage] = []
         self.leashes: list[tuple[float, bool]] = []
+        self.ways: list[float] = []
         self.deg = self.speed = self.torque = 0.0
         self.state, self.brake_open, self.quick = DriveState.SWITCH_ON_DISABLED, False, False
 
@@ -167,9 +169,10 @@ def opens(drive: HandDrive) -> Any:
 
     @contextmanager
     def opened(
-        c: Context, leash_deg: float, part: str = "", *, following: bool = True
+        c: Context, leash_deg: float, part: str = "", *, following: bool = True, way: float = 0.0
     ) -> Iterator[OpenLoopAxis]:
         drive.leashes.append((leash_deg, following))
+        drive.ways.append(way)
         yield axis_of(drive, leash_deg, following=following)
 
     return opened

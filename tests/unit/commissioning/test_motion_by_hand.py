@@ -27,7 +27,7 @@ def test_the_leash_of_a_stop_ends_with_the_way_that_it_may_take(
     asked: list[Any] = []
 
     @contextmanager
-    def opened(c: object, leash_deg: float, part: str) -> Iterator[SimpleNamespace]:
+    def opened(c: object, leash_deg: float, part: str, **_: object) -> Iterator[SimpleNamespace]:
         asked.append(leash_deg)
         yield SimpleNamespace(
             enable=lambda: asked.append("enable"),

@@ -144,7 +144,7 @@ def test_operation_knows_of_the_brake_test_of_commissioning(
     drive, axes = HandDrive(push=push), list[Any]()
 
     @contextmanager
-    def opened(c: Any, leash_deg: float, part: str) -> Iterator[Any]:
+    def opened(c: Any, leash_deg: float, part: str, **_: object) -> Iterator[Any]:
         axes.append(axis_of(drive, leash_deg))
         yield axes[0]
 

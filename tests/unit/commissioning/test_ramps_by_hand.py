@@ -110,7 +110,8 @@ def test_a_ramp_may_be_as_soft_as_that_of_a_jog_key(monkeypatch: pytest.MonkeyPa
     asked: list[Any] = []
 
     @contextmanager
-    def opened(c: Context, leash_deg: float, part: str) -> Iterator[SimpleNamespace]:
+    def opened(c: Context, leash_deg: float, part: str, *, way: float) -> Iterator[SimpleNamespace]:
+        assert way == speed
         asked.append(leash_deg)
         yield SimpleNamespace(
             enable=lambda: asked.append("enable"),

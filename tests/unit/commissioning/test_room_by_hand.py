@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -56,6 +57,17 @@ def test_a_step_begins_where_its_leash_meets_nothing(
     why = why_no_room(machine, at(angle_deg), leash_deg)
     assert met in why
     assert bool(why) is bool(met)
+
+
+@pytest.mark.parametrize("way", [3.0, -3.0])
+def test_a_step_that_turns_one_way_needs_its_room_there(way: float) -> None:
+    """A tilting table of -5 to 95 deg begins at 0: 7.1 deg fit ahead of it, and 6.5 behind."""
+    ahead = math.copysign(174.8, way)
+    assert "limit switch" in why_no_room(MACHINE, at(ahead), 7.3, way=way)
+    assert why_no_room(MACHINE, at(ahead), 7.1, way=way) == ""
+    assert why_no_room(MACHINE, at(-ahead), 300.0, way=way) == ""
+    # It may swing back.
+    assert "limit switch" in why_no_room(MACHINE, at(math.copysign(181.95, -way)), 7.3, way=way)
 
 
 def test_why_a_step_does_not_begin_is_told_with_place_and_way() -> None:

@@ -150,10 +150,12 @@ def test_a_quick_stop_harder_than_the_checked_one_fails(
     monkeypatch: pytest.MonkeyPatch, dec: float, passes: bool
 ) -> None:
     """1.15 times 5.4 deg/s2 and the uncertainty of the measurement."""
-    monkeypatch.setattr(steps_motion, "open_loop_axis", opens(HandDrive(quick_dec=dec)))
+    drive = HandDrive(quick_dec=dec)
+    monkeypatch.setattr(steps_motion, "open_loop_axis", opens(drive))
     decs: list[float] = []
     if passes:
         what, measured, computed = steps_motion._quick_stop(context(), -3.0, decs)
+        assert drive.ways == [-3.0]  # there it needs room
         assert (what, computed) == ("quick stop", pytest.approx(9.0 / 10.8, abs=1e-4))
         assert measured == pytest.approx(9.0 / (2.0 * dec), abs=0.012)
         assert decs == pytest.approx([dec], rel=0.01)

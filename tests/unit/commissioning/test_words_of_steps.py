@@ -120,7 +120,7 @@ def test_a_picture_names_the_direction_of_its_stop(monkeypatch: pytest.MonkeyPat
     parts: list[str] = []
 
     @contextmanager
-    def opened(c: object, leash_deg: float, part: str) -> Iterator[Any]:
+    def opened(c: object, leash_deg: float, part: str, **_: object) -> Iterator[Any]:
         parts.append(part)
         yield axis_of(HandDrive(), leash_deg)
 
@@ -194,7 +194,9 @@ def test_a_step_takes_the_time_of_the_axis_that_people_are_told(
     module = {"pdo": steps_bus, "sync": steps_bus, "sign": steps_sign}.get(key, steps_power)
 
     @contextmanager
-    def opened(c: Any, leash_deg: float, part: str = "", *, following: bool = True) -> Iterator[Any]:
+    def opened(
+        c: Any, leash_deg: float, part: str = "", *, following: bool = True, **_: object
+    ) -> Iterator[Any]:
         axis = axis_of(drive, leash_deg, following=following)
         axis._watch = c.watch
         yield axis
