@@ -1,5 +1,5 @@
 // What the areas show and offer of the tags, word by word.
-import { flushSync, mount, unmount, type Component } from 'svelte';
+import { flushSync, type Component } from 'svelte';
 import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 import Alarms from '../src/areas/Alarms.svelte';
 import Diagnosis from '../src/areas/Diagnosis.svelte';
@@ -18,8 +18,7 @@ import Overview from '../src/parts/Overview.svelte';
 import Reset from '../src/parts/Reset.svelte';
 import type { Reply, Welcome } from '../src/lib/protocol';
 import type { AlarmRow, Tags } from '../src/lib/tables';
-
-let shown: Record<string, unknown> | undefined;
+import { key, leave, show } from './mounted';
 
 beforeEach(() => {
   vi.spyOn(sight, 'look').mockImplementation(() => {});
@@ -35,29 +34,10 @@ beforeEach(() => {
   link.tags = {};
 });
 afterEach(() => {
-  if (shown) void unmount(shown);
-  shown = undefined;
-  document.body.innerHTML = '';
+  leave();
   prefs.language = 'en';
   vi.restoreAllMocks();
 });
-
-function show<P extends Record<string, unknown>>(
-  part: Component<P>,
-  props: P,
-  tags: Partial<Tags>,
-): HTMLElement {
-  if (shown) void unmount(shown);
-  link.tags = tags;
-  shown = mount(part, { target: document.body, props });
-  flushSync();
-  return document.body;
-}
-function key(name: string): HTMLButtonElement {
-  const found = [...document.querySelectorAll('button')].find((each) => each.textContent?.trim() === name);
-  if (found === undefined) throw new Error(`no button ${name}`);
-  return found;
-}
 
 describe('control', () => {
   test.each([

@@ -1,5 +1,5 @@
 // Keys of the operation area and of commissioning: whom each is offered, and what it sends.
-import { flushSync, mount, unmount, type Component } from 'svelte';
+import { flushSync, type Component } from 'svelte';
 import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 import Operation from '../src/areas/Operation.svelte';
 import { hold } from '../src/lib/hold.svelte';
@@ -12,6 +12,7 @@ import HoldKey from '../src/parts/HoldKey.svelte';
 import TwoStep from '../src/parts/TwoStep.svelte';
 import type { Reply, Welcome } from '../src/lib/protocol';
 import type { AlarmRow, Tags } from '../src/lib/tables';
+import { key, leave, show as mounted } from './mounted';
 
 const DONE = { ok: true, code: '', text: '', values: {} } as Reply;
 const READY: Partial<Tags> = {
@@ -28,7 +29,6 @@ const READY: Partial<Tags> = {
   increment_deg: 2,
   brake_test_overdue: false,
 };
-let shown: Record<string, unknown> | undefined;
 
 beforeEach(() => {
   vi.spyOn(sight, 'look').mockImplementation(() => {});
@@ -43,28 +43,13 @@ beforeEach(() => {
   } as unknown as Welcome;
 });
 afterEach(() => {
-  if (shown) void unmount(shown);
-  shown = undefined;
-  document.body.innerHTML = '';
+  leave();
   vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 
-function show<P extends Record<string, unknown>>(
-  part: Component<P>,
-  props: P,
-  more: Partial<Tags>,
-): HTMLElement {
-  if (shown) void unmount(shown);
-  link.tags = { ...READY, ...more };
-  shown = mount(part, { target: document.body, props });
-  flushSync();
-  return document.body;
-}
-function key(name: string): HTMLButtonElement {
-  const found = [...document.querySelectorAll('button')].find((each) => each.textContent?.trim() === name);
-  if (found === undefined) throw new Error(`no button ${name}`);
-  return found;
+function show<P extends Record<string, unknown>>(part: Component<P>, props: P, more: Partial<Tags>): void {
+  mounted(part, props, { ...READY, ...more });
 }
 
 test('power is switched off by everybody who may, with control or without, in every state', () => {
