@@ -74,6 +74,35 @@ TEST(Forces, the_base_takes_what_the_ring_gives_the_load) {
   EXPECT_NEAR(at(p, x).acc_base, (-3.0 - 0.7) / 20.0, 1e-12);
 }
 
+// A load that hangs by a quarter turn with 100 N m, gears not wound up: they turn it, none reaches the base.
+TEST(Forces, the_base_takes_nothing_of_what_pulls_the_load_alone) {
+  PlantParams<double> p = simple_plant();
+  p.base = true;
+  p.base_inertia_kg_m2 = 20.0;
+  p.eccentric_moment_nm = 100.0;
+  State x;
+  x.pos_load = kQuarter;
+  x.pos_motor = 10.0 * kQuarter;
+  EXPECT_NEAR(at(p, x).acc_load, 100.0 / 50.0, 1e-9);
+  EXPECT_NEAR(at(p, x).acc_base, 0.0, 1e-9);
+}
+
+// The load has turned by 2 rad and the base by 0.5: 1.5 rad are between them, of 2 N m each.
+TEST(Forces, cables_pull_load_and_base_by_the_angle_between_them) {
+  PlantParams<double> p = simple_plant();
+  p.base = p.cable = true;
+  p.base_inertia_kg_m2 = 20.0;
+  p.base_stiffness_nm_per_rad = 0.0;
+  p.cable_moment_1_nm = 2.0;
+  p.cable_presliding_rad = 1e-3;
+  State x;
+  x.pos_load = 2.0;
+  x.pos_base = 0.5;
+  x.pos_motor = 15.0;
+  EXPECT_NEAR(at(p, x).acc_load, 3.0 / 50.0, 1e-9);
+  EXPECT_NEAR(at(p, x).acc_base, -3.0 / 20.0, 1e-9);
+}
+
 TEST(Forces, friction_and_brake_hold_back_in_both_directions) {
   PlantParams<double> p = simple_plant();
   p.motor_friction = p.roller_friction = true;

@@ -51,7 +51,7 @@ from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engin
 
 _Done = TypeVar("_Done")
 
-# A stop on the slowest ramp from the highest speed takes less.
+# A stop takes less, unless the ramps of the machine file are slow: then it is twice their time.
 REST_S: Final = 120.0
 # Power sequence and brake test have time limits of their own; these are only a net below them, wider where a drive may
 # take long to enable.
@@ -112,7 +112,13 @@ class AxisRun:
         self._scans = SlicedScan(self.engine, self.axis, self.operator, frames, observer)
         # Torque has held the load, and nobody has looked since whether the brake does.
         self._powered = self._unwatched = self._closed = False
-        self._power_s = max(_POWER_S, 2.0 * self.axis.settings.power.power_up_time_s)
+        settings = self.axis.settings
+        power, ramps, top = settings.power, settings.ramps, settings.speed.setting_max_rad_s
+        self._power_s = max(_POWER_S, 2.0 * power.power_up_time_s)
+        slowest_s = top / ramps.dec_rad_s2 + ramps.dec_rad_s2 / ramps.jerk_rad_s3
+        self._rest_s = max(REST_S, 2.0 * slowest_s)
+        quick_s = top / ramps.quick_dec_rad_s2
+        self._failed_s = max(_POWER_S, 2.0 * (quick_s + power.brake_close_time_s))
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
@@ -253,7 +259,7 @@ class AxisRun:
     def _go_down(self) -> None:
         self._powered = False
         self._scans.command(power=False, forward=False, reverse=False, move=False)
-        self._scans.until(lambda: self._is_down() or self.axis.at_rest, REST_S, watch=False)
+        self._scans.until(lambda: self._is_down() or self.axis.at_rest, self._rest_s, watch=False)
         self._scans.until(self._is_down, self._power_s, watch=False)
         self._scans.until(self.load_is_held, BRAKE_WATCH_S, watch=False)
         self._unwatched = False
@@ -329,7 +335,7 @@ class AxisRun:
         self._scans.until(lambda: self.axis.alarms.first_out is not None or self.stop is not Stop.NO, seconds)
         self._raise_alarm()
         if self.stop is not Stop.NO:
-            self._scans.until(lambda: self.axis.at_rest, REST_S)
+            self._scans.until(lambda: self.axis.at_rest, self._rest_s)
             raise AlarmStop(f"{self.stopped_as} in the middle of an experiment")
 
     def halt(self) -> None:
@@ -337,7 +343,7 @@ class AxisRun:
         self._scans.command(halt=True)
         self.engine.step()
         self._scans.command(halt=False)
-        self._scans.until(lambda: self.axis.at_rest, REST_S)
+        self._scans.until(lambda: self.axis.at_rest, self._rest_s)
         self._raise_alarm()
 
     def _move_levels(
@@ -479,7 +485,7 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text, blocking.code)
             return
-        self._scans.until(lambda: self.axis.is_off or self.load_is_held(), REST_S, watch=False)
+        self._scans.until(lambda: self.axis.is_off or self.load_is_held(), self._rest_s, watch=False)
         raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -507,7 +513,7 @@ class AxisRun:
     def _finished(self, begin: MotionReport) -> MotionReport:
         """Wait until the motion has ended one way or the other."""
         self._memory.moves += 1
-        self._scans.until(lambda: self.axis.at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S)
+        self._scans.until(lambda: self.axis.at_rest, self.axis.plan_end_s - self.engine.time_s + self._rest_s)
         end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
         if self.stop is not Stop.NO:
@@ -564,7 +570,7 @@ class AxisRun:
                 # After an exception in a scan the engine runs its own stop program: these scans bring the axis to rest,
                 # unless torque holds the load on, which is let go now.
                 if self.engine.failure is not None and not self.engine.holds_load:
-                    self.engine.run_for(_POWER_S)
+                    self.engine.run_for(self._failed_s)
             finally:
                 self._leave(result, alarm)
 

@@ -90,6 +90,7 @@ def test_only_what_stands_in_its_window_is_done(at_rest: bool, not_in_position: 
         SimpleNamespace(moves=0),
         SimpleNamespace(until=lambda done, seconds: waited.append(seconds), stop=Stop.NO),
     )
+    run._rest_s = 120.0
     run.engine, run.operator = SimpleNamespace(time_s=7.0, scan=0), FixedOperator()
     run._open = SimpleNamespace(reading=SimpleNamespace(angle_deg=5.0))
     run.axis = SimpleNamespace(
