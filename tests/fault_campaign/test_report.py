@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.campaign.job import INDEX, REFUSED
-from gantryctl.engineering.fault_campaign.job import COLUMNS, row
+from gantryctl.engineering.fault_campaign.job import COLUMNS, FaultJob, row
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
-from gantryctl.engineering.fault_campaign.report import Tally, report_data, tally
+from gantryctl.engineering.fault_campaign.report import Tally, replayed, report_data, report_page, tally
 from gantryctl.engineering.fault_campaign.result import FaultResult
 from gantryctl.engineering.scheduler.job import Chunk
 from support.command_line import cli
@@ -98,3 +98,28 @@ def test_the_page_says_what_was_measured_and_what_was_not(folder: Path, tmp_path
     assert "`make coverage` counts them.\n\nNot measured yet." in text
     assert "CTL-08 / names nothing" in text
     assert text == cli("faults", "report", folder, "--evidence", evidence).out
+
+
+def test_what_broke_is_played_again_and_the_page_tells_what_holds_today(folder: Path, tmp_path: Path) -> None:
+    """Row 2 says that it broke; its scenario holds. Old rows alone would call the product worse than it is."""
+    page = tmp_path / "page.md"
+    given = ("faults", "report", folder, "--page", page)
+    (before,) = cli(*given, "--json").json["campaigns"]
+    assert before["broken_now"] is None
+    assert "now |" not in page.read_text()
+    (data,) = cli(*given, "--replay", "--json").json["campaigns"]
+    assert (data["broken"], data["broken_now"]) == (1, 0)
+    line = next(line for line in page.read_text().splitlines() if line.startswith("| random, series 1 | 2 |"))
+    assert line.endswith("| holds |")
+
+
+def test_what_breaks_again_is_told_with_what_breaks(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = tally(FaultResult.read(folder))
+    broke = row(refused="", violations=["INV-1 at 2.000 s: 3.1 deg"])
+    monkeypatch.setattr(
+        FaultJob, "_row", lambda self, number: {**broke, "faults": "A2", "drive": "sim", "scan_ms": 4.0}
+    )
+    replayed(found, [].append)
+    text = report_page([found], folder)
+    assert "| **INV-1 at 2.000 s: 3.1 deg** |" in text
+    assert report_data([found])[0]["broken_now"] == 1

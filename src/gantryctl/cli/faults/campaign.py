@@ -237,13 +237,17 @@ def shrink(
     show_default=True,
     help="Folder with mutation.json and branch_coverage.json.",
 )
+@click.option("--replay", "again", is_flag=True, help="Play what broke once more: does it still break?")
 @json_option
-def report(results: tuple[Path, ...], page: Path | None, evidence: Path, as_json: bool) -> None:
+def report(results: tuple[Path, ...], page: Path | None, evidence: Path, again: bool, as_json: bool) -> None:
     """Count what campaigns have shown: runs, worst way of each fault, nuisances, planted bugs, branches."""
-    from gantryctl.engineering.fault_campaign.report import report_data, report_page, tally
+    from gantryctl.engineering.fault_campaign.report import replayed, report_data, report_page, tally
     from gantryctl.engineering.fault_campaign.result import FaultResult
 
     tallies = [tally(FaultResult.read(folder)) for folder in results]
+    if again:
+        for each in tallies:
+            replayed(each, _nothing if as_json else tell)
     text = report_page(tallies, evidence)
     written = None if page is None else write_text(page, text)
     if as_json:

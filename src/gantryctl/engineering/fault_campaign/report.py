@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.engineering.campaign.job import INDEX, REFUSED
-from gantryctl.engineering.fault_campaign.job import Row
+from gantryctl.engineering.fault_campaign.job import FaultJob, Row
 from gantryctl.engineering.fault_campaign.kinds import FaultCampaign
 from gantryctl.engineering.fault_campaign.result import FaultResult
 from gantryctl.engineering.faults.catalogue import CATALOGUE
+from gantryctl.engineering.scheduler.identity import identity
 
 MUTATION_FILE: Final = "mutation.json"
 COVERAGE_FILE: Final = "branch_coverage.json"
@@ -38,7 +39,8 @@ class Tally:
     Attributes:
         played, refused, over_bus: runs. reasons: of the refused ones. axis_s: virtual time.
         stops: alarms that stopped. sources: versions of the code that played it. worst: by number of the row.
-        broken: rows in which something broke.
+        broken: rows in which something broke. now: the same runs, played again (`replayed`);
+            None before.
     """
 
     campaign: FaultCampaign
@@ -53,6 +55,7 @@ class Tally:
     sources: Counter[str] = field(default_factory=Counter)
     worst: dict[str, Worst] = field(default_factory=dict)
     broken: list[Row] = field(default_factory=list)
+    now: list[Row] | None = None
 
 
 def tally(result: FaultResult) -> Tally:
@@ -74,6 +77,20 @@ def tally(result: FaultResult) -> Tally:
             found.broken.append(row)
         _keep_worst(found.worst, row)
     return found
+
+
+def replayed(found: Tally, say: Callable[[str], None]) -> None:
+    """Play what broke again, with the code of today.
+
+    Args:
+        say: a line for the person who waits.
+    """
+    job = FaultJob(found.campaign)
+    found.now = []
+    for row in found.broken:
+        say(f"{found.campaign.name}: {row[INDEX]} again")
+        columns = job.rows(row[INDEX], 1)
+        found.now.append({name: values[0] for name, values in columns.items()})
 
 
 def _keep_worst(worst: dict[str, Worst], row: Row) -> None:
@@ -99,6 +116,7 @@ def report_data(tallies: Sequence[Tally]) -> list[dict[str, Any]]:
             "over_bus": each.over_bus,
             "axis_h": each.axis_s / 3600.0,
             "broken": len(each.broken),
+            "broken_now": None if each.now is None else sum(bool(row["violations"]) for row in each.now),
             "nuisances_per_1000_h": _per_1000_h(each),
             "worst": {
                 number: {"way_deg": worst.way_deg, "limit_deg": worst.limit_deg, "seed": worst.seed}
@@ -124,7 +142,8 @@ def report_page(tallies: Sequence[Tally], evidence: Path) -> str:
     lines = [
         "# Fault campaigns in numbers",
         "",
-        "Written by `gantryctl faults report RESULT... --page docs/reference/fault-campaigns.md`; do not edit.",
+        "Written by `gantryctl faults report RESULT... --replay --page docs/reference/fault-campaigns.md`;",
+        "do not edit.",
         "",
         "How a scenario is drawn and judged: [the decision](../decisions/0027-fault-campaigns.md). All of it is",
         "simulated: the reference gantry and, in rows of `axes`, others, their plants within 20 %; none is of steel.",
@@ -162,16 +181,34 @@ def _reasons(tallies: Sequence[Tally]) -> list[str]:
 
 def _broken(tallies: Sequence[Tally]) -> list[str]:
     lines = ["## What broke", ""]
-    rows = [(each.campaign.name, row) for each in tallies for row in each.broken]
+    rows = [(each, place) for each in tallies for place in range(len(each.broken))]
     if not rows:
         return [*lines, "Nothing.", ""]
-    lines += ["| campaign | seed | faults | first that broke | sources |", "|---|---|---|---|---|"]
-    for name, row in rows[:_SHOWN]:
-        first = json.loads(row["violations"])[0].replace("|", "/")
-        lines.append(f"| {name} | {row[INDEX]} | {row['faults']} | {first} | {row['sources']} |")
+    again = any(each.now is not None for each in tallies)
+    if again:
+        lines += [f"Played again for this page, with sources {identity().sources}: the last column.", ""]
+    lines += [
+        "| campaign | seed | faults | first that broke | sources |" + " now |" * again,
+        "|---|---|---|---|---|" + "---|" * again,
+    ]
+    for each, place in rows[:_SHOWN]:
+        row = each.broken[place]
+        now = "" if each.now is None else f" {_now(each.now[place])} |"
+        line = f"| {each.campaign.name} | {row[INDEX]} | {row['faults']} | {_first(row)} | {row['sources']} |"
+        lines.append(line + now)
     if len(rows) > _SHOWN:
         lines.append(f"\n{len(rows) - _SHOWN} more.")
     return [*lines, ""]
+
+
+def _first(row: Row) -> str:
+    return str(json.loads(row["violations"])[0]).replace("|", "/")
+
+
+def _now(row: Row) -> str:
+    if row[REFUSED]:
+        return f"refused: {row[REFUSED]}"
+    return f"**{_first(row)}**" if row["violations"] else "holds"
 
 
 def _ways(tallies: Sequence[Tally]) -> list[str]:
