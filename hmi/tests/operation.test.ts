@@ -4,6 +4,7 @@ import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 import Operation from '../src/areas/Operation.svelte';
 import { hold } from '../src/lib/hold.svelte';
 import { link } from '../src/lib/link.svelte';
+import { prefs } from '../src/lib/prefs.svelte';
 import { sound } from '../src/lib/shift/sound.svelte';
 import { sight } from '../src/lib/sight.svelte';
 import Commissioning from '../src/parts/Commissioning.svelte';
@@ -198,4 +199,28 @@ test('a step that moves takes two steps, also again; the one that was chosen is 
   await vi.waitFor(() => expect(next()).toBe('pdo'));
   expect(document.querySelectorAll('.nextstep button')).toHaveLength(1);
   expect(document.querySelector('.nextstep')?.textContent).toContain('Nothing moves in it.');
+});
+
+test.each([
+  ['silence', 'the axis may sag by less than 0.2 deg when the brake closes', '轴可能下沉不到 0.2°'],
+  ['brake', 'less than 0.19 deg', '不到 0.19°'],
+  ['sign', 'at most 0.05 deg, or 25 deg of the motor where that is more', '最多 0.05°，或电机 25°'],
+])('who reads Chinese is told of %s how far this machine could move', async (name, moves, said) => {
+  const step = {
+    key: name,
+    title: name,
+    does: name,
+    moves,
+    outcome: '',
+    offered: true,
+    proof: '',
+    to_do: '',
+  };
+  const board = { complete: false, note: '', open: [], steps: [{ ...step, at: '', by: '' }] };
+  vi.stubGlobal('fetch', () => Promise.resolve(new Response(JSON.stringify(board))));
+  prefs.language = 'zh';
+  show(Commissioning, {}, { commissioning: 'waiting', commissioning_results: 1 });
+  await vi.waitFor(() => expect(document.querySelector('.nextstep')).not.toBeNull());
+  expect(document.querySelector('.nextstep')?.textContent).toContain(said);
+  prefs.language = 'en';
 });

@@ -5,12 +5,28 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import silent_way_deg
 from gantryctl.operation.home_reference import AbsoluteReading, why_not_referenced
 
 # A step that means to stand: its leash is what a brake or a torque may turn the shaft by.
 _STANDS_DEG: Final = 0.1
+_SAGS_DEG: Final = 0.05
 # A sector of a modulo axis is there in every turn; its ends lie within two turns of the angle that is shown.
 _TURNS: Final = (-720.0, -360.0, 0.0, 360.0, 720.0)
+
+
+def sag_deg(machine: Machine) -> float:
+    """What an axis that stands may sag by when its torque goes off and the brake closes.
+
+    The load of the check moment sinks until the brake holds, which gives way by what its test permits: 0.034 deg on the
+    reference gantry, 0.2 deg on a table whose brake has some play.
+    """
+    return max(_SAGS_DEG, silent_way_deg(machine, 0.0, 0.0, brake=True) + machine.brake.sag_max_deg)
+
+
+def stand_deg(machine: Machine) -> float:
+    """Leash of a step that means to stand."""
+    return max(_STANDS_DEG, sag_deg(machine))
 
 
 def why_no_room(
@@ -22,7 +38,8 @@ def why_no_room(
         doubted_by: the alarm since which the angle is in doubt, "" for none.
         way: its sign is the direction in which the step turns the axis; 0: either.
     """
-    if leash_deg <= _STANDS_DEG:
+    stands_deg = stand_deg(machine)
+    if leash_deg <= stands_deg:
         return ""
     unknown = why_not_referenced(reading)
     if unknown is not None:
@@ -33,7 +50,7 @@ def why_no_room(
         )
     at_deg = reading.angle_deg
     assert at_deg is not None  # it is referenced
-    back_deg, ahead_deg = (leash_deg if way * side >= 0.0 else _STANDS_DEG for side in (-1.0, 1.0))
+    back_deg, ahead_deg = (leash_deg if way * side >= 0.0 else stands_deg for side in (-1.0, 1.0))
     met = _met(machine, at_deg - back_deg, at_deg + ahead_deg)
     if not met:
         return ""

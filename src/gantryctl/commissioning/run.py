@@ -27,6 +27,7 @@ from gantryctl.commissioning.results import (
     load_progress,
     store_progress,
 )
+from gantryctl.commissioning.room import sag_deg
 from gantryctl.commissioning.stopping import steps_silence
 from gantryctl.commissioning.watch import Halt, StepStopped, StepWatch
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
@@ -77,7 +78,7 @@ class Step:
     """One step.
 
     Attributes:
-        moves: what could move, and how far; "" when nothing can.
+        moves: what could move, and how far, with places for figures of the machine (`could_move`); "" for nothing.
         reach: how far at most.
         lasts_s: time of the axis that it takes, about, for the progress.
         required: without it there is no commissioning record.
@@ -95,6 +96,11 @@ class Step:
     required: bool = True
     makes_up: str = ""
     by_hand: bool = False
+
+    def could_move(self, machine: Machine) -> str:
+        """What could move on this machine, and how far; "" when nothing can."""
+        brake_deg, push_deg = machine.brake.sag_max_deg, steps_lacks.push_deg(machine)
+        return self.moves.format(sag=sag_deg(machine), brake=brake_deg, push=push_deg)
 
 
 def _travel_s(machine: Machine) -> float:
@@ -130,15 +136,15 @@ STEPS: Final = (
     Step("wiring", "Wiring by hand", "a person works every input, and looks at every output", "", steps_bus.wiring,
          lasts_s=lambda machine: 60.0, required=False, by_hand=True),
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
-         "the axis may sag by less than 0.05 deg when the brake closes", steps_silence.silence, Reach.STANDSTILL,
+         "the axis may sag by less than {sag:.2g} deg when the brake closes", steps_silence.silence, Reach.STANDSTILL,
          lambda machine: 3.0),
     Step("watchdog", "Watchdog", "kills the controller: the watchdog beside the drive takes the torque off",
-         "the axis may sag by less than 0.05 deg when the brake closes", steps_silence.watchdog, Reach.STANDSTILL,
+         "the axis may sag by less than {sag:.2g} deg when the brake closes", steps_silence.watchdog, Reach.STANDSTILL,
          lambda machine: 4.0),
-    Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than 0.02 deg",
+    Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than {brake:.2g} deg",
          steps_power.brake, Reach.STANDSTILL, lambda machine: 6.0),
     Step("torque", "Torque limit", "pushes against the closed brake: the limit of the drive maker's tool",
-         "less than 0.02 deg", steps_lacks.torque, Reach.STANDSTILL, lambda machine: 4.0, makes_up=TORQUE),
+         "less than {push:.2g} deg", steps_lacks.torque, Reach.STANDSTILL, lambda machine: 4.0, makes_up=TORQUE),
     Step("sign", "Sign and scale", "a brief speed pulse with the position loop open, torque and speed limits lowered",
          "at most 0.05 deg, or 25 deg of the motor where that is more", steps_sign.sign, Reach.STANDSTILL,
          lambda machine: 3.3),

@@ -27,6 +27,7 @@ from gantryctl.commissioning.stopping.quick_stop import (
 from gantryctl.engineering.stops.run import StopClass, StopResult, within_ratings, worst_stop
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest
+from gantryctl.machine import Machine
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM
 from gantryctl.wiring.program import untestable
 
@@ -125,6 +126,11 @@ _HOLD_S: Final = 0.3
 _TOLERANCE: Final = 0.15
 
 
+def push_deg(machine: Machine) -> float:
+    """What a push against the closed brake may turn the axis by: what the brake test permits where that is more."""
+    return max(_MOVED_MAX_DEG, machine.brake.sag_max_deg)
+
+
 def torque(c: Context) -> StepResult:
     """Push against the closed brake with a part of its proven torque: 6077 follows and never passes the limit."""
     entered = c.machine.can.torque_limit_in_drive_nm
@@ -141,7 +147,7 @@ def torque(c: Context) -> StepResult:
     if level <= 0.0:
         proof = f"{_BRAKE_PART:g} of the {held:.0f} N m that the brake has held is less than the load takes"
         return StepResult("torque", Outcome.NOT_TESTABLE, proof, to_do="a higher [brake] test_torque_nm")
-    with open_loop_axis(c, _MOVED_MAX_DEG, "push against the brake", following=False) as axis:
+    with open_loop_axis(c, push_deg(c.machine), "push against the brake", following=False) as axis:
         if not axis.drive.torque_preload:
             reason = untestable(c.machine, torque_preload=False)
             return StepResult(
@@ -167,7 +173,7 @@ def _push(axis: OpenLoopAxis, torque_nm: float, most_nm: float) -> float:
     """Raise the torque against the closed brake, hold it, take it back; what was given, by 6077.
 
     Raises:
-        AlarmStop: the shaft moved by 0.02 deg, or the torque passed the limit of the drive; the torque is off then.
+        AlarmStop: the shaft moved by more than `push_deg`, or the torque passed the limit of the drive; it is off then.
     """
     axis.enable(brake=False)
     rest = axis.feedback.torque_act_nm

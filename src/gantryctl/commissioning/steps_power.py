@@ -10,6 +10,7 @@ import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, judged
+from gantryctl.commissioning.room import stand_deg
 from gantryctl.image import DriveRequest
 from gantryctl.operation.brake_policy import after_test
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
@@ -17,7 +18,6 @@ from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import untestable
 
-_STAND_DEG: Final = 0.1
 # Of the step to creep speed: time at it, the part of that before it is measured, and the way with both ramps.
 _STEP_S: Final = 5.0
 _SETTLE_PART: Final = 0.2
@@ -31,7 +31,7 @@ def brake(c: Context) -> StepResult:
     reason = untestable(c.machine)
     if reason:
         return StepResult("brake", Outcome.NOT_TESTABLE, str(reason), to_do="use the drive's own brake test")
-    with open_loop_axis(c, _STAND_DEG, "torque against the closed brake") as axis:
+    with open_loop_axis(c, stand_deg(c.machine), "torque against the closed brake") as axis:
         if not axis.drive.torque_preload:
             return StepResult(
                 "brake", Outcome.NOT_TESTABLE, str(untestable(c.machine, torque_preload=False)),

@@ -409,7 +409,7 @@ def test_how_far_each_step_may_move_the_gantry() -> None:
             else Reach.TRAVEL if each.key in far else Reach.NOTHING
         )  # fmt: skip
         assert each.reach is reach, each.key
-        assert bool(each.moves) is (reach is not Reach.NOTHING)
+        assert bool(each.could_move(MACHINE)) is (reach is not Reach.NOTHING)
     order = [each.key for each in STEPS]
     moving = [each.reach for each in STEPS if each.reach is not Reach.NOTHING]
     assert moving == sorted(moving)

@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 
-from gantryctl.commissioning.room import why_no_room
+from gantryctl.commissioning import STEPS
+from gantryctl.commissioning.room import sag_deg, stand_deg, why_no_room
+from gantryctl.commissioning.steps_lacks import push_deg
 from gantryctl.commissioning.stopping.quick_stop import trial_speed_deg_s
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DigitalInputs, DriveRequest
-from gantryctl.machine import Machine, with_values
+from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.operation.home_reference import RestVerdict
 from support.modulo_machine import modulo_machine
 from unit.commissioning.hand_drive import MACHINE, enabled
@@ -130,3 +132,53 @@ def test_a_trial_stop_stays_between_no_go_sectors() -> None:
     """From 4 to 14 deg, with half a degree to each sector: 0.8 of 4.5 deg are 3.6; 2.0 deg/s take 3.49, 2.1 3.79."""
     machine = with_values(MACHINE, {"axis.no_go_deg": ((-6.0, -5.0), (5.0, 6.0))})
     assert trial_speed_deg_s(machine) == 2.0
+
+
+TABLE = load_machine(configs_folder() / "rotary_table.toml")
+# A brake of 400 ms on the reference gantry.
+LATE = with_values(
+    MACHINE,
+    {"brake.close_time_ms": 400.0, "monitors.brake_feedback_time_ms": 400.0, "speed.setting_max_deg_s": 3.0},
+)
+
+
+def fallen_deg(machine: Machine) -> float:
+    """Way of the load of the check moment until a brake holds it that closes in its time, step by step."""
+    axis, load, way, speed, time = machine.axis, machine.plant.load, 0.0, 0.0, 0.0
+    rotor = machine.motor.inertia_kg_m2 + machine.plant.motor.wave_generator_inertia_kg_m2
+    inertia, step = load.inertia_kg_m2 + rotor * axis.ratio**2, 1e-5
+    closes = machine.brake.close_time_ms * 1e-3
+    while time < closes or speed > 0.0:
+        held = axis.ratio * machine.brake.torque_nm if time >= closes else 0.0
+        speed += (load.eccentric_check_moment_nm - held) / inertia * step
+        way += speed * step
+        time += step
+    return math.degrees(way)
+
+
+@pytest.mark.parametrize("machine", [MACHINE, TABLE, LATE], ids=["gantry", "table", "late"])
+def test_a_standing_axis_may_sag_by_what_its_load_falls_and_its_brake_gives_way(
+    machine: Machine,
+) -> None:
+    """A table whose brake has a play of 0.19 deg was told of a drive that does not stop; a gantry falls 0.02 deg."""
+    # The step of the fall is 0.01 ms, of 150 ms and more.
+    expected = max(0.05, fallen_deg(machine) + machine.brake.sag_max_deg)
+    assert sag_deg(machine) == pytest.approx(expected, rel=2e-3)
+    # The leash is no shorter, and a step with it is one that stands.
+    assert stand_deg(machine) == pytest.approx(max(0.1, expected), rel=2e-3)
+    unknown = at(None, RestVerdict.NO_ZERO)
+    assert why_no_room(machine, unknown, stand_deg(machine)) == ""
+    assert why_no_room(machine, unknown, 1.01 * stand_deg(machine)) != ""
+
+
+def test_who_is_asked_is_told_the_figures_of_this_machine() -> None:
+    told = {step.key: step for step in STEPS}
+    for key, gantry, table in (
+        ("silence", "less than 0.05 deg", "less than 0.2 deg"),
+        ("watchdog", "less than 0.05 deg", "less than 0.2 deg"),
+        ("brake", "less than 0.02 deg", "less than 0.19 deg"),
+        ("torque", "less than 0.02 deg", "less than 0.19 deg"),
+    ):
+        assert gantry in told[key].could_move(MACHINE)
+        assert table in told[key].could_move(TABLE)
+    assert push_deg(TABLE) == TABLE.brake.sag_max_deg

@@ -76,7 +76,7 @@ def commission(
     if with_sim:
         machine = _with_virtual_drive(machine)
     if dry_run:
-        _announce()
+        _announce(machine)
         return 0
     need("matplotlib")
     # Records of a virtual drive go to a place of their own: they prove nothing of a real one.
@@ -187,20 +187,20 @@ def _with_virtual_drive(machine: Machine) -> Machine:
     )
 
 
-def _announce() -> None:
+def _announce(machine: Machine) -> None:
     from gantryctl.commissioning import STEPS
 
     for number, step in enumerate(STEPS, start=1):
         only = " (only a drive that lacks the object)" if step.makes_up else ""
         only = " (on its own, --only)" if step.by_hand else only
         click.echo(f"{number:2}. {step.title}: {step.does}{only}")
-        click.echo(f"    {step.key}; could move: {step.moves or 'nothing'}")
+        click.echo(f"    {step.key}; could move: {step.could_move(machine) or 'nothing'}")
 
 
 def _ask(work: Commissioning, step: Step, only: str | None) -> bool:
     """Ask before the first step of a reach: one yes holds for all that reach no further."""
     together = [each for each in work.left(only) if each.reach == step.reach]
-    could = "; ".join(f"{each.title}: {each.moves}" for each in together)
+    could = "; ".join(f"{each.title}: {each.could_move(work.machine)}" for each in together)
     with asking():
         return click.confirm(f"could move: {could}. Is everybody away from the axis?")
 

@@ -100,7 +100,7 @@ def _row(step: Step, work: Commissioning) -> dict[str, Any]:
         "key": step.key,
         "title": step.title,
         "does": step.does,
-        "moves": step.moves,
+        "moves": step.could_move(work.machine),
         "offered": offered(step),
         "outcome": "" if result is None else result.outcome.name.lower(),
         "proof": "" if result is None else result.proof,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, passed
+from gantryctl.commissioning.room import sag_deg, stand_deg
 from gantryctl.commissioning.stopping.controller_death import can_be_killed, kill_controller
 from gantryctl.commissioning.stopping.silence import (
     Silence,
@@ -19,28 +20,25 @@ from gantryctl.commissioning.stopping.silence import (
 from gantryctl.machine import Machine
 from gantryctl.operation.proofs import silent_master_proof_path, store_silent_master_proof
 
-_STAND_DEG: Final = 0.1
-# What the step announces: the gantry may sag by less than this when the brake closes.
-_SAG_DEG: Final = 0.05
-
 
 def silence(c: Context) -> StepResult:
     """Stop commands, then the heartbeat, each alone; the drive must switch itself off and brake."""
     figures: dict[str, Figure] = {}
     lacking, times_s = [], []
+    most_deg = sag_deg(c.machine)
     for way in Way:
-        with open_loop_axis(c, _STAND_DEG, f"{way} silent") as axis:
+        with open_loop_axis(c, stand_deg(c.machine), f"{way} silent") as axis:
             if way not in watched_ways(axis):
                 lacking.append(f"{way.place} ({way})")
                 continue
             axis.enable()
-            seen = fall_silent(axis, Silence((way,), way.limit_s(axis.drive), _SAG_DEG))
+            seen = fall_silent(axis, Silence((way,), way.limit_s(axis.drive), most_deg))
             if seen.stopped:
                 axis.wake()
         key = way.replace(" ", "_")
         most_ms = 1e3 * seen_by_s(way.limit_s(axis.drive), axis.period_s)
         figures[f"{key}_ms"] = Figure(1e3 * seen.stopped_s, high=most_ms)
-        figures[f"{key}_moved_deg"] = Figure(seen.way_deg, high=_SAG_DEG)
+        figures[f"{key}_moved_deg"] = Figure(seen.way_deg, high=most_deg)
         said = f"{way} silent: {_told(seen)}"
         c.say(f"  {said}")
         # One liar is enough: nothing that such a drive shows afterwards can be believed.
@@ -65,7 +63,7 @@ def silence(c: Context) -> StepResult:
 
 def _keep_proof(c: Context) -> int | None:
     """Keep that this drive was seen to stop; the marker that was left in it, None where it takes none."""
-    with open_loop_axis(c, _STAND_DEG) as axis:
+    with open_loop_axis(c, stand_deg(c.machine)) as axis:
         # Some drives answer SDO in PRE-OPERATIONAL only.
         axis.drive.node.enter_pre_operational()
         key, marker = axis.drive.opened.identity.key, axis.drive.leave_restart_marker()
@@ -150,7 +148,7 @@ def watchdog(c: Context) -> StepResult:
         return StepResult("watchdog", Outcome.NOT_TESTABLE, "no output works a watchdog")
     figures: dict[str, Figure] = {}
     proofs: list[str] = []
-    with open_loop_axis(c, _STAND_DEG, "all silent") as axis:
+    with open_loop_axis(c, stand_deg(c.machine), "all silent") as axis:
         io, own = axis.drive.beside.io, watched_ways(axis)
         dog = _watchdog_of(c.machine, 0.0 if io is None else io.ask_silence_limit_s())
         assert dog is not None
@@ -186,7 +184,7 @@ def _fall(
     killed = len(fall.ways) > 1 and can_be_killed(c.machine)
     if killed:
         kill_controller(axis)
-    seen = fall_silent(axis, Silence(fall.ways, fall.limit_s, _SAG_DEG))
+    seen = fall_silent(axis, Silence(fall.ways, fall.limit_s, sag_deg(c.machine)))
     closed = beside.ask_watchdog_contact()
     if seen.stopped:
         axis.wake()
@@ -196,7 +194,7 @@ def _fall(
     figures[f"{fall.name}_ms"] = Figure(
         1e3 * seen.stopped_s, high=1e3 * seen_by_s(fall.limit_s, axis.period_s)
     )
-    figures[f"{fall.name}_moved_deg"] = Figure(seen.way_deg, high=_SAG_DEG)
+    figures[f"{fall.name}_moved_deg"] = Figure(seen.way_deg, high=sag_deg(c.machine))
     if not seen.stopped:
         return failed("watchdog", said, dog.to_do, **figures), math.nan
     if closed:
