@@ -78,6 +78,15 @@ def test_a_calibration_of_another_encoder_is_refused_where_the_drive_is_asked() 
         build_engine(other, drive=sim_drive(other))
 
 
+def test_an_encoder_that_names_itself_by_nothing_is_another_one() -> None:
+    """Only where no drive is asked, which is None, the serial number does not count."""
+    calibration = improved_machine().calibration
+    assert calibration is not None
+    check_belongs(calibration, improved_machine(), None)
+    with pytest.raises(ConfigError, match="SIM-0001"):
+        check_belongs(calibration, improved_machine(), "")
+
+
 def test_gains_profiles_and_plant_do_not_make_another_machine() -> None:
     calibration = improved_machine().calibration
     assert calibration is not None

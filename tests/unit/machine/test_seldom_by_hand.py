@@ -8,8 +8,10 @@ from gantryctl.machine import default_machine, field_specs, identity_hash, with_
 from gantryctl.machine.derived import derived
 from gantryctl.machine.problems import _unit_hint
 from gantryctl.machine.requirement import DEFAULT_SOURCE, required_angle, required_stopping_angle
+from gantryctl.machine.tables.plant import WindTable
 from gantryctl.machine.tables.required import RequiredTable
 from gantryctl.machine.variation import Variation
+from gantryctl.machine.wind import moment_spectrum
 from support.improved import improved_machine
 
 MACHINE = default_machine()
@@ -70,3 +72,12 @@ def test_a_value_at_the_motor_is_known_by_both_ratios_of_the_file() -> None:
         "100 x the usual 6: a value at the motor where one at the load belongs?"
     )
     assert _unit_hint(spec, 120.0, ratios) == ""
+
+
+def test_a_wide_surface_feels_a_quarter_of_gusts_of_twice_its_width() -> None:
+    """At 1 Hz and 50 m/s a gust is 50 m long; the surface has 25 m, so 1/(1 + 1)^2 of the spectrum is left.
+
+    That of the speed is 4 x 0.1^2 x 0.1 s / 1.708^(5/6) = 0.00256047, of the moment 4 M^2 of it: 2560.47 N2 m2/Hz.
+    """
+    wind = WindTable(moment_nm=1000.0, turbulence=0.1, speed_m_s=50.0, length_m=5.0, width_m=25.0)
+    assert moment_spectrum(wind, 1.0) == pytest.approx(2560.47, rel=1e-5)

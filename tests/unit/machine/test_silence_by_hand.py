@@ -7,6 +7,7 @@ import pytest
 from gantryctl.engineering.stops.run import unbraked_stop_deg
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.machine.rules.reaction import (
+    permitted_speed_deg_s,
     ramp_angle_deg,
     ramp_speed_max_deg_s,
     silent_speed_max_deg_s,
@@ -97,3 +98,13 @@ def test_the_way_that_is_told_is_not_shorter_than_that_of_the_plant(speed: float
     machine = load_machine(configs_folder() / "hust_can_nodes.toml")
     told, way = silent_way_deg(machine, speed, 0.0), unbraked_stop_deg(machine, speed)
     assert way <= told <= way + 0.185
+
+
+@pytest.mark.parametrize(
+    ("speed_deg_s", "told"),
+    [(12.38, 12.3), (8.97, 8.9), (1.09, 1.0), (0.897, 0.89), (0.0897, 0.089), (0.00897, 0.0089), (0.0, 0.0)],
+)
+def test_a_highest_speed_is_told_in_tenths_or_two_digits_and_never_higher(
+    speed_deg_s: float, told: float
+) -> None:
+    assert permitted_speed_deg_s(speed_deg_s) == pytest.approx(told, abs=1e-12)

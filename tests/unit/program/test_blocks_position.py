@@ -282,7 +282,12 @@ def test_lower_limits_hold_for_later_motions_and_can_be_raised_again(rig: Rig) -
         most = max(most, deg(rig.axis.virtual.acc_ref_rad_s2))
         least = min(least, deg(rig.axis.virtual.acc_ref_rad_s2))
     assert (most, least) == (pytest.approx(1.0), pytest.approx(-0.5))
-    assert write(rig, Parameter.MAX_VELOCITY_APPL, rad(6.0)).done
+    for number, most in (
+        (Parameter.MAX_VELOCITY_APPL, 6.0), (Parameter.MAX_ACCELERATION_APPL, 4.0),
+        (Parameter.MAX_DECELERATION_APPL, 4.0), (Parameter.MAX_JERK_APPL, 1000.0),
+    ):  # fmt: skip
+        assert write(rig, number, rad(most)).done
+        assert read(rig, number).value == rad(most)
     assert outputs(go(rig, 0.0)) == {"busy", "active"}
 
 

@@ -191,11 +191,9 @@ def test_a_geared_encoder_has_no_battery():
 @pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
 def test_a_motor_without_its_sensor_may_be_half_as_warm(way):
     """Ten time constants of 0.7 of the rated torque: 0.49 of the limit, of a half 98 %; either way of the torque."""
-    rig = Rig(config=settings(period_s=0.01))
+    rig = Rig(config=replace(settings(period_s=0.01), thermal=ThermalSettings(time_constant_s=0.2)))
     rig.spoil = showing(torque_act_nm=way * 0.7 * RATED_NM)
-    for _ in range(30):
-        after_minutes(rig, 10.0)
-        rig.step()
+    rig.run(2.0)
     assert rig.axis.thermal.share == pytest.approx(0.49, abs=1e-3)
     rig.spoil = showing(torque_act_nm=way * 0.7 * RATED_NM, motor_temp_c=999.0)
     rig.run(1.2)
@@ -270,3 +268,14 @@ def test_torque_of_either_direction_warms_alike(way: float) -> None:
     thermal.scan(0.0)
     thermal.scan(TAU_S)
     assert thermal.share == pytest.approx(1.0 - math.exp(-1.0))
+
+
+def test_a_sensor_that_comes_back_gives_the_whole_limit_back():
+    """0.49 of the limit by ten time constants, 0.98 of a half while nobody knows the winding; 60 C are 0.17."""
+    rig = Rig(config=replace(settings(period_s=0.01), thermal=ThermalSettings(time_constant_s=0.2)))
+    rig.spoil = showing(torque_act_nm=0.7 * RATED_NM, motor_temp_c=999.0)
+    rig.run(2.0)
+    assert rig.axis.thermal.share == pytest.approx(0.98, abs=2e-3)
+    rig.spoil = showing(torque_act_nm=0.7 * RATED_NM, motor_temp_c=60.0)
+    rig.run(0.3)
+    assert rig.axis.thermal.share == pytest.approx(0.49, abs=1e-3)

@@ -256,3 +256,14 @@ def test_the_angle_of_a_moment_is_told_from_a_hundredth_of_the_rated_torque_on(
     assert moment_nm == pytest.approx(share * 257.0 * RATIO)
     assert math.isnan(angle_rad) is not told
     assert not told or deg(angle_rad) == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize(("in_wind", "kept"), [(True, 5), (False, 6)])
+def test_weights_of_still_air_and_of_wind_are_not_those_of_the_other_model(in_wind: bool, kept: int) -> None:
+    """Wind was given to the machine file, or taken from it, since they were learned."""
+    model = TorqueModel(RATIO, RATED_NM, in_wind=in_wind)
+    model.restore([30.0] * kept)
+    assert not model.learned
+    assert math.isnan(model.expected_nm(0.5, 0.1, 0.0))
+    model.restore([30.0] * (11 - kept))
+    assert model.learned
