@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.cli.engineering.accuracy import _announce
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.table_csv import read_error_table
+from gantryctl.machine import default_machine
 from support.command_line import cli, done, machine_file
 
 
@@ -151,3 +154,10 @@ def test_a_file_that_is_no_recording_is_a_wrong_command() -> None:
             answer = cli("trace", *command, file)
             assert (answer.code, answer.out) == (2, "")
             assert answer.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("real_time", "clock"), [(False, "virtual"), (True, "real")])
+def test_a_chord_test_says_by_which_clock_it_runs(real_time: bool, clock: str) -> None:
+    machine = default_machine()
+    told = _announce(machine, chord_test(machine), real_time=real_time)
+    assert told.endswith(f"on the simulated axis in {clock} time\n")

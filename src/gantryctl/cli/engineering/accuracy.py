@@ -136,7 +136,7 @@ def run_(
     # Before anything runs: a long test must not end at a folder that cannot be made.
     folder = directory(out or DEFAULT_OUT)
     if not as_json:
-        click.echo(_announce(machine, procedure))
+        click.echo(_announce(machine, procedure, real_time=real_time))
     kind = InstrumentKind(instrument)
     job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, kind, on_engine, real_time, speeds)
 
@@ -152,11 +152,12 @@ def run_(
     return finish(report, machine, made, measured_by, folder, as_json)
 
 
-def _announce(machine: Machine, procedure: Procedure) -> str:
+def _announce(machine: Machine, procedure: Procedure, *, real_time: bool) -> str:
     ends = machine.axis.dial.span(*procedure.travel_deg)
+    clock = "real" if real_time or machine.paced_by_clock else "virtual"
     return (
         f"{machine.name}: chord test {procedure.name}, {len(procedure.stops)} stops from {ends} deg, "
-        f"{machine.accuracy.dwell_s:g} s each, on the simulated axis in virtual time\n"
+        f"{machine.accuracy.dwell_s:g} s each, on the simulated axis in {clock} time\n"
     )
 
 

@@ -201,15 +201,18 @@ def _write(base: Machine | None, shown: Fit, path: Path) -> None:
     from gantryctl.errors import UsageError
     from gantryctl.machine.schema import MACHINE_LINE, put_schemas
 
+    check_name(path.stem, "--write")
     if base is None:
-        check_name(path.stem, "--write")
         text = _drafted_text(shown, path.stem)
     else:
+        from gantryctl.machine import with_values
         from gantryctl.machine.effective import to_toml
 
+        # Under the name of its base it would share the state of that machine: zero, alarms, recordings.
+        sized = with_values(_followed(base, shown), {"machine.name": path.stem})
         sheet = shown.train.sheet.sheet.name
         head = f"# {base.name} with requirement sheet {sheet} and motor {shown.motor.name}\n"
-        text = MACHINE_LINE + head + to_toml(_followed(base, shown))
+        text = MACHINE_LINE + head + to_toml(sized)
     try:
         # Never over a file that exists: a machine file is a person's work.
         with path.open("x", encoding="utf-8") as file:

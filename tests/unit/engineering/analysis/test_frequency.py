@@ -252,3 +252,16 @@ def test_the_crossover_that_counts_is_the_nearest_to_instability_on_either_side(
     nearest = min((first_deg, second_deg), key=abs)
     assert found.margin_deg == pytest.approx(nearest, abs=1e-4)
     assert found.crossover_rad_s == pytest.approx(1.0 if nearest == first_deg else 10.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("torque_nm", [101.0, -101.0])
+def test_torque_beyond_the_limit_stops_either_way(torque_nm):
+    limits = ProbeLimits(100.0, -3.0, 3.0, motion_limits(MACHINE))
+    counts = MACHINE.encoder.lines * MACHINE.encoder.interpolation
+    drive = IdealDrive(1e-3, counts, MACHINE.axis.ratio, turns=4096)
+    probe = Probe(drive, position_law(MACHINE), 1e-3, limits, 0.0)
+    probe.enable()
+    read = drive.read
+    drive.read = lambda: read()._replace(torque_act_nm=torque_nm)
+    with pytest.raises(AlarmStop, match=rf"the torque is {torque_nm:g} N m, permitted \+-100 N m"):
+        probe.run(None, 10)

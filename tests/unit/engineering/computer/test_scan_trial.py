@@ -9,7 +9,7 @@ import pytest
 from gantryctl.engineering.computer.scan_trial import ScanTrial, scan_trial
 from gantryctl.engineering.computer.text import trial_lines
 from gantryctl.errors import UsageError
-from gantryctl.image import StopCause
+from gantryctl.image import StopCause, SystemStop
 from gantryctl.ports import ScanStart
 
 
@@ -85,3 +85,12 @@ def test_the_histogram_shows_every_scan_once() -> None:
 def test_what_cannot_be_tried_is_refused(period_ms: float, seconds: float, named: str) -> None:
     with pytest.raises(UsageError, match=named):
         scan_trial(period_ms, seconds)
+
+
+def test_the_worst_stop_is_the_one_farthest_beyond_its_own_limit() -> None:
+    """A scan of 300 ms where 30 are allowed is ten times too late; 12 overruns where 10 are allowed are 1.2 times."""
+    stops = (SystemStop(StopCause.OVERRUNS, 12.0, 10.0, 0.0), SystemStop(StopCause.SCAN_LATE, 0.3, 0.03, 0.0))
+    assert (
+        "the worst for a scan 300.0 ms late (limit 30 ms)"
+        in trial_lines(trial(LateClock())._replace(stops=stops), 6.0)[-1]
+    )

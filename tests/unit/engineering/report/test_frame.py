@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
@@ -10,11 +11,13 @@ from gantryctl.engineering.report.machine_facts import Serials, known_serials, m
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.page import VIEWER, Section, css_text, render_sections
 from gantryctl.engineering.report.pages.brake_test import render_brake_test
+from gantryctl.engineering.report.pages.trace import _columns
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.engineering.report.recording import recorded
-from gantryctl.machine import default_machine
+from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.client import BrakeDue, BrakeTestReport
 from gantryctl.program import BrakeTestOutcome
+from gantryctl.trace.table import Trace
 from support.command_line import cli, done
 from support.reports import HEAD
 
@@ -133,3 +136,15 @@ def test_a_movement_within_its_limit_proves_nothing_of_a_brake_test_that_did_not
     assert [(">pass<" in text.lower(), ">fail<" in text.lower()) for text in judged] == [
         (False, False), (False, True), (True, False),
     ]  # fmt: skip
+
+
+def test_a_report_of_a_bus_that_is_simulated_says_so() -> None:
+    on_bus = with_values(load_machine(configs_folder() / "hust_can.toml"), {"can.interface": "simulated"})
+    assert dict(machine_facts(on_bus, Serials()))["Drive"] == "CANopen, simulated"
+
+
+def test_the_columns_of_a_recording_are_told_in_the_degrees_that_they_are_named_in() -> None:
+    """Half a turn is 180 deg, not 3.14."""
+    table = _columns(Trace({"time_s": [0.0, 1.0], "pos_act_rad": [0.0, math.pi]}))
+    assert table.rows[1][:3] == ("pos_act_deg", "0", "180")
+    assert table.rows[1][4] == "deg"

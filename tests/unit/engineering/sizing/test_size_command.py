@@ -96,11 +96,26 @@ def test_limits_are_tables_of_a_machine_file():
 
 
 def test_a_written_machine_is_the_reference_machine(tmp_path):
-    path = tmp_path / "machine.toml"
+    path = tmp_path / "hust_gantry.toml"
     run("--motor", PAPER, "--write", path)
     assert config_hash(load_machine(path)) == config_hash(default_machine())
     with pytest.raises(UsageError, match="exists already"):
         run("--write", path)
+
+
+def test_limits_of_a_sheet_of_ones_own_are_those_of_a_motor_that_fits():
+    sheet = configs_folder() / "requirements" / "hust_gantry.toml"
+    with pytest.raises(ConfigError, match="does not fit hust_gantry: peak torque"):
+        run(sheet, "--motor", MOTORS / "im_22kw_1150.toml", "--limits")
+
+
+def test_a_machine_sized_on_another_has_a_name_of_its_own(tmp_path):
+    path = tmp_path / "larger.toml"
+    run("--motor", PAPER, "--config", configs_folder() / "hust_gantry.toml", "--write", path)
+    # The state of a machine lies under its name: zero, alarms and recordings of two must not be one.
+    assert load_machine(path).name == "larger"
+    with pytest.raises(UsageError, match="a name of a machine has"):
+        run("--motor", PAPER, "--write", tmp_path / "a b.toml")
 
 
 @pytest.mark.parametrize(

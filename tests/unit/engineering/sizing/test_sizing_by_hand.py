@@ -8,6 +8,7 @@ from gantryctl.engineering.sizing.duty import duty
 from gantryctl.engineering.sizing.loading import load_sheet
 from gantryctl.engineering.sizing.text import further_table
 from gantryctl.engineering.sizing.train import Train
+from gantryctl.errors import ConfigError
 
 
 def checks_of(sheet, motor):
@@ -76,3 +77,26 @@ def test_of_what_comes_back_the_supply_gets_less(sheet, paper_motor):
     rows = dict(further_table(fitted).rows)
     assert rows["regeneration, electrical: per cycle; mean of the day"] == "2.7 kJ; 2.5 W"
     assert rows["regeneration, largest: braking as in the sizing case"] == "14.8 kW"
+
+
+def test_a_motor_is_as_warm_in_a_cycle_however_long_the_day_is(changed_sheet, paper_motor):
+    """Torque is off between the cycles: a day of 24 h with the same 40 cycles makes none of them lighter."""
+    used = [
+        checks_of(load_sheet(changed_sheet({"duty.hours": hours})), paper_motor)["thermal"].used
+        for hours in (12.0, 24.0)
+    ]
+    assert used[0] == used[1] > 0.0
+
+
+def test_wind_is_a_part_of_the_moment_that_motor_and_brake_are_held_against(changed_sheet):
+    """15.99 kN m of the load and 30 of the wind are within the 50 kN m of the check, and 40 of the wind are not."""
+    for moment_nm in (30_000.0, 40_000.0):
+        path = changed_sheet({})
+        path.write_text(f"{path.read_text()}\n[wind]\nmoment_nm = {moment_nm}\nturbulence = 0.0\n")
+        if moment_nm < 34_000.0:
+            load_sheet(path)
+            continue
+        with pytest.raises(
+            ConfigError, match=r"must be at least 5.599e\+04 N m: the eccentric moment and \[wind\]"
+        ):
+            load_sheet(path)
