@@ -101,6 +101,7 @@ def test_ends_of_a_profile_are_typed_as_the_display_has_them(tmp_path: Path) -> 
     file = tmp_path / "iec.toml"
     file.write_text(to_toml(with_values(IEC, {"drive.kind": "sim"})), encoding="utf-8")
     assert "from 350 to 350 deg is no move" in cli("profile", "--config", file, "--move", "350", "-10").err
+    assert "from 350 to 350 deg is no move" in cli("profile", "--config", file, "--move", "-10", "350").err
     told = cli("profile", "--config", file, "--move", "350", "700").err
     assert "700 deg is beyond travel, 180 (- end) to 180 (+ end) deg" in told
 

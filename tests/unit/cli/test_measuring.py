@@ -16,6 +16,8 @@ from support.command_line import cli, done, machine_file
 
 def test_stops_prints_every_class_and_is_exit_code_1_when_one_is_too_long(tmp_path: Path) -> None:
     text = done("stops", "--speed", "6").out
+    speeds = [line.split()[1] for line in text.splitlines() if line.startswith(("normal", "quick"))]
+    assert speeds == ["6.0", "6.0"], "no other speed than the one that was asked for"
     for name in ("normal", "jog-release", "quick", "torque off + brake"):
         assert any(line.startswith(name) for line in text.splitlines())
     assert "inspect afterwards" in text

@@ -113,9 +113,10 @@ def test_out_gets_the_trace_and_no_trace_writes_none(tmp_path: Path, state: Path
     assert not (state / "hust_gantry" / "traces").exists()
 
 
-def test_the_override_makes_it_slower() -> None:
+@pytest.mark.parametrize("target", [["1"], ["--by", "2"]])
+def test_the_override_makes_it_slower(target: list[str]) -> None:
     done("sim", "reset", "--angle", "-1")
-    answer = done("move", "1", "--speed", "6", "--override", "10", "--json").json
+    answer = done("move", *target, "--speed", "6", "--override", "10", "--json").json
     assert answer["summary"]["peak_deg_s"] == pytest.approx(0.6)
 
 

@@ -15,17 +15,20 @@ from gantryctl.cli.axis.state import _quick_stop
 from gantryctl.cli.drive import drive, gains
 from gantryctl.cli.drive.can import _data, _print
 from gantryctl.cli.engineering import analyse, compare
+from gantryctl.cli.engineering.accuracy_end import exit_code
 from gantryctl.cli.engineering.at_the_load import SIMULATED_CERTIFICATE, certificate_of
 from gantryctl.cli.engineering.experiment import machine_under_test
+from gantryctl.cli.engineering.identify import _next_version
 from gantryctl.drives.canopen.setup import parameters
 from gantryctl.drives.canopen.setup.survey import Found
 from gantryctl.engineering import stops
 from gantryctl.engineering.accuracy import speed_test
 from gantryctl.engineering.accuracy.report import data, text
+from gantryctl.engineering.accuracy.verdict import Conformity
 from gantryctl.engineering.analysis import study
 from gantryctl.engineering.comparison import drift_file, drift_report, drift_text, on_bus
 from gantryctl.engineering.fastest import search
-from gantryctl.errors import CommandRefused, ConfigError
+from gantryctl.errors import CommandRefused, ConfigError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import configs_folder, default_machine
 from gantryctl.operation.ledger import judging
@@ -223,3 +226,28 @@ def test_the_oldest_recordings_make_room(tmp_path: Path) -> None:
     left = sorted(int(each.name.split("-")[1]) for each in tmp_path.glob("*.parquet"))
     # With the new one as many as are kept.
     assert left == list(range(5, TRACES_KEPT + 4))
+
+
+def test_a_calibration_that_is_replaced_is_counted_on(tmp_path: Path) -> None:
+    file = tmp_path / "a.calibration.toml"
+    assert [_next_version(file, force) for force in (False, True)] == [1, 1]
+    file.write_text("[origin]\nversion = 4\n", encoding="utf-8")
+    assert _next_version(file, force=True) == 5
+    with pytest.raises(UsageError, match="exists already"):
+        _next_version(file, force=False)
+    file.write_text("[speed]\n", encoding="utf-8")
+    with pytest.raises(UsageError, match="is no calibration file"):
+        _next_version(file, force=True)
+
+
+@pytest.mark.parametrize(
+    ("found", "speed", "code"),
+    [
+        (Conformity.PASS, None, 0), (Conformity.PASS, True, 0), (Conformity.PASS, False, 1),
+        (Conformity.NOT_JUDGED, None, 0), (Conformity.NOT_JUDGED, False, 1),
+        (Conformity.UNDECIDED, None, 1), (Conformity.UNDECIDED, True, 1), (Conformity.FAIL, True, 1),
+    ],
+)  # fmt: skip
+def test_what_is_not_shown_to_be_met_is_exit_code_1(found: Conformity, speed: bool | None, code: int) -> None:
+    report = SimpleNamespace(verdict=SimpleNamespace(conformity=found), speed_passed=speed)
+    assert exit_code(cast(Any, report)) == code

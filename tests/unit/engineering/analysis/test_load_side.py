@@ -10,6 +10,7 @@ import pytest
 from gantryctl import _core
 from gantryctl.engineering.analysis.models.load_side import (
     DiskMargin,
+    LoadSideFigures,
     WholeLoop,
     disk_margin,
     disk_margin_of_both,
@@ -17,6 +18,7 @@ from gantryctl.engineering.analysis.models.load_side import (
     load_side_law,
 )
 from gantryctl.engineering.analysis.models.mechanics import LOAD, PlantKind, mechanics
+from gantryctl.engineering.analysis.models.modes import Oscillation
 from gantryctl.engineering.analysis.models.sampled import Cut, SampledLoop, loop_settings
 from gantryctl.engineering.analysis.study import grid_of, study
 from gantryctl.engineering.analysis.text import sentences, study_tables
@@ -119,6 +121,15 @@ def test_gains_of_both_encoders_may_be_anywhere_inside_the_margin() -> None:
     gains = np.geomspace(wide.gain_down, wide.gain_up, 15)
     grown = [np.max(np.abs(np.linalg.eigvals(WHOLE.closed(1.0, (m, r))))) for m in gains for r in gains]
     assert max(grown) > 1.0
+
+
+@pytest.mark.parametrize("least", ["command", "torque", "encoders"])
+def test_the_margin_that_is_told_is_the_smallest_of_all_three(least: str) -> None:
+    margins = {
+        cut: DiskMargin(0.4 if cut == least else 0.9, 1.0) for cut in ("command", "torque", "encoders")
+    }
+    worst = Oscillation(2.0, 0.1)
+    assert LoadSideFigures(stable=True, worst=worst, **margins).smallest.alpha == 0.4
 
 
 def test_a_knock_dies_out_in_the_simulator_as_the_model_says() -> None:

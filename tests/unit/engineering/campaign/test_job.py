@@ -183,6 +183,7 @@ def test_a_plant_is_identified_before_it_drifts_and_measured_after(
     rows = CampaignJob(campaign).rows(0, 2)
     assert not any(rows["refused_by"]), rows["refused_by"]
     key = "plant.transmission.rest_stiffness_nm_per_rad"
+    assert rows[key].tolist() == [1.2e9, 1.2e9], "0.8 of 1.5e9: a row shows the plant that ran"
     for plant, machine in zip(campaign.plants(0, 2), identified, strict=True):
         assert value_at(machine, key) == 1.5e9
         assert value_at(machine, "plant.load.inertia_kg_m2") == plant.values["plant.load.inertia_kg_m2"]
@@ -192,6 +193,34 @@ def test_a_plant_is_identified_before_it_drifts_and_measured_after(
         for name, control in (("hust_gantry_as_it_is", paper), ("hust_improved_as_it_is", improved)):
             wanted = move_figures(control, 0.0, 0.2).load_error_deg_s
             assert rows[f"{name}.move_load_error_deg_s"][plant.row] == wanted
+
+
+def test_a_plant_that_its_drift_makes_impossible_is_named_by_the_drift(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An eccentric moment to check against that falls to a tenth covers the nominal one no more."""
+    known = improved_machine().calibration
+    monkeypatch.setattr(job_module, "calibrate_each", lambda machines, _: [known] * len(machines))
+    key = "plant.load.eccentric_check_moment_nm"
+    drift = IMPROVED.replace("plant.transmission.rest_stiffness_nm_per_rad", key).replace("[0.8]", "[0.1]")
+    assert CampaignJob(made(INERTIA + drift)).rows(0, 1)["refused_by"].tolist() == [
+        f"drift: {key}: check_moment_covers_nominal"
+    ]
+    # A plant that is impossible as it is has nothing to do with its drift.
+    wrong = INERTIA.replace("inertia_kg_m2", "eccentric_check_moment_nm")
+    wrong = wrong.replace("0.8", "0.1").replace("1.2", "0.11")
+    assert CampaignJob(made(wrong)).rows(0, 1)["refused_by"].tolist() == [
+        f"{key}: check_moment_covers_nominal"
+    ]
+
+
+def test_what_a_campaign_sets_holds_under_every_control(made: Made) -> None:
+    settings = '[set]\n"control.kpp_per_s" = 8.0\n"virtual_axis.acc_deg_s2" = 0.3\n'
+    controls = made(settings + INERTIA + IMPROVED).controls
+    assert len(controls) == 3
+    for each in controls:
+        assert each.machine.control.kpp_per_s == 8.0, each.name
+        assert each.machine.virtual_axis.acc_deg_s2 == 0.3, each.name
 
 
 def test_a_plant_that_cannot_be_identified_is_named(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,6 +96,11 @@ def test_two_machines_that_differ_in_the_plant_are_not_compared() -> None:
     check_same_plant(default_machine(), with_values(default_machine(), {"required.source": "tender"}))
     with pytest.raises(UsageError, match=r"required\.angle_deg differ"):
         check_same_plant(default_machine(), with_values(default_machine(), {"required.angle_deg": 0.01}))
+    # A ring encoder may be there or not; two of them are two machines.
+    for key, value in (("bits", 20), ("scale_error_rad", 4e-5), ("latency_us", 500.0)):
+        other = with_values(improved_machine(), {f"plant.load_encoder.{key}": value})
+        with pytest.raises(UsageError, match=rf"plant\.load_encoder\.{key} differ"):
+            check_same_plant(improved_machine(), other)
 
 
 def test_every_compensation_has_a_row_with_it_alone() -> None:

@@ -279,6 +279,27 @@ def test_the_worst_row_is_the_worst_by_every_figure_that_is_judged(
     assert all(f"two, {row}: " in name for name in drift.verdict.figures_deg)
 
 
+def test_every_column_over_the_rows_has_its_own_figure() -> None:
+    """Of 0.02 and 0.04 deg: half way 0.03, at 95 % 0.02 + 0.95 x 0.02 = 0.039."""
+    usual = KeyFigures(*[0.01] * len(KeyFigures._fields))
+    found = tuple(usual._replace(a_true_a=a) for a in (0.01, 0.04, 0.02))
+    drift = DriftReport(
+        "one", "two", Drift("d", "", ()), "", Requirement(0.1, "by hand"), (0.0, 90.0),
+        (("as identified", ""), ("a", ""), ("b", "")), {"two": found},
+    )  # fmt: skip
+    over = tables(drift)[-1]
+    (row,) = (row for row in over.rows if "A true, procedure A, deg" in row)
+    assert dict(zip(over.heads, row, strict=True)) == {
+        "control": "two",
+        "figure": "A true, procedure A, deg",
+        "as identified": "0.0100",
+        "median": "0.0300",
+        "95 %": "0.0390",
+        "worst": "0.0400",
+        "in": "a",
+    }
+
+
 def test_one_machine_twice_is_no_comparison() -> None:
     drift = parse_drift(MOMENT, "d.toml", default_machine())
     with pytest.raises(UsageError, match="two ways of control"):

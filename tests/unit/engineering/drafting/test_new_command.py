@@ -71,6 +71,17 @@ def test_the_same_machine_by_every_way(tmp_path):
     assert {machine.name for machine in machines} == {"rig", "drafted", "sized"}
 
 
+def test_an_answer_on_the_command_line_stands_above_the_file(tmp_path):
+    answers = tmp_path / "answers.toml"
+    answers.write_text("pos_max_deg = 80\npos_min_deg = -3\n")
+    run(
+        "size", "init", "sheet.toml", "--template", "tilt_table", "--answers", answers, "--set", "pos_max_deg=70"
+    )  # fmt: skip
+    text = (tmp_path / "sheet.toml").read_text()
+    assert "pos_max_deg = 70" in text
+    assert "pos_min_deg = -3" in text
+
+
 def test_an_axis_that_turns_without_end():
     """No ends in its file, more gear than its turn would allow, and it moves by the shortest way."""
     turn = ("kind=modulo", "pos_min_deg=0", "pos_max_deg=360")

@@ -109,6 +109,17 @@ def test_limits_of_a_sheet_of_ones_own_are_those_of_a_motor_that_fits():
         run(sheet, "--motor", MOTORS / "im_22kw_1150.toml", "--limits")
 
 
+def test_a_sheet_of_another_axis_brings_nothing_of_the_gantry(tmp_path):
+    """A rotary table of 50 kg m2: gains and monitors are drafted, not those of 2.18e6 kg m2."""
+    sheet = configs_folder() / "requirements" / "rotary_table.toml"
+    path = tmp_path / "table.toml"
+    run(sheet, "--motor", MOTORS / "pm_200w_3000.toml", "--write", path)
+    machine, gantry = load_machine(path), default_machine()
+    assert "hust_gantry" not in path.read_text(encoding="utf-8")
+    assert machine.plant.transmission != gantry.plant.transmission
+    assert machine.drive.speed_loop.kvp_nm_s_per_rad < 0.01 * gantry.drive.speed_loop.kvp_nm_s_per_rad
+
+
 def test_a_machine_sized_on_another_has_a_name_of_its_own(tmp_path):
     path = tmp_path / "larger.toml"
     run("--motor", PAPER, "--config", configs_folder() / "hust_gantry.toml", "--write", path)
