@@ -5,6 +5,7 @@ import Alarms from '../src/areas/Alarms.svelte';
 import Diagnosis from '../src/areas/Diagnosis.svelte';
 import Display from '../src/areas/Display.svelte';
 import Operation from '../src/areas/Operation.svelte';
+import Settings from '../src/areas/Settings.svelte';
 import { hold } from '../src/lib/hold.svelte';
 import { link } from '../src/lib/link.svelte';
 import { made, said } from '../src/lib/messages';
@@ -91,6 +92,13 @@ describe('alarms', () => {
     expect(detail()).toContain('measured BRK-06');
     key('Acknowledge').click();
     expect(send.mock.calls).toEqual([['acknowledge', { id: 8 }]]);
+  });
+
+  test('one of the history is shown when it is chosen, though another is active', () => {
+    show(Alarms, {}, { alarms: [row(7, 'CTL-03')], alarm_history: [row(3, 'ENC-01', { active: false })] });
+    document.querySelectorAll<HTMLButtonElement>('.link')[1]?.click();
+    flushSync();
+    for (const part of ['measured', 'cause', 'done', 'to do']) expect(detail()).toContain(`${part} ENC-01`);
   });
 
   test('one that somebody has seen is not seen again, and the angle is that of the alarm', () => {
@@ -329,6 +337,43 @@ test('a brake test is offered with power off, and its result keeps the sign of b
     { journal_state: 'failed' },
   ])
     expect(armed(more as Partial<Tags>)).toBe(true);
+  // A brake that gave way beyond its limit is abnormal, either way; what is within it is not.
+  const bad = (brake_test_moved_deg: number): boolean => {
+    show(BrakeTest, {}, { ...ready, brake_test_limit_deg: 0.1, brake_test_moved_deg });
+    return document.querySelector('.bar.bad') !== null;
+  };
+  expect([bad(0.099), bad(0.101), bad(-0.101), bad(-0.099)]).toEqual([false, true, true, false]);
+});
+
+test('limits are told in all their digits, each its own, and of an axis without ends that it has none', () => {
+  const told = (tags: Partial<Tags>): Record<string, string> => {
+    show(Settings, {}, tags);
+    const names = [...document.querySelectorAll('.inline dt')];
+    return Object.fromEntries(
+      names.map((each) => [each.textContent, each.nextElementSibling?.textContent ?? '']),
+    );
+  };
+  const ends = {
+    pos_min_deg: -170.25, pos_max_deg: 170.25, over_travel_min_deg: -170.5, over_travel_max_deg: 170.75,
+    limit_switch_min_deg: -172, limit_switch_max_deg: 172.125, mechanical_stop_min_deg: -175,
+    mechanical_stop_max_deg: 176, no_go_deg: [[10.05, 20.96], [30, 40]] as [number, number][],
+  }; // prettier-ignore
+  expect(told(ends)).toEqual({
+    'Set-point': '−170.25 … 170.25°',
+    'No-go sectors': '10.05 … 20.96°, 30.0 … 40.0°',
+    'Trip of the measured angle': '−170.5 … 170.75°',
+    'Limit switches': '−172.0 … 172.125°',
+    'Mechanical stops': '−175.0 … 176.0°',
+  });
+  const turning = {
+    axis_kind: 'modulo',
+    pos_min_deg: 0,
+    pos_max_deg: 360,
+    no_go_deg: [[340, 20]] as [number, number][],
+  };
+  expect(told(turning)).toEqual({ 'Set-point': 'turns without ends', 'No-go sectors': '340.0 … 20.0°' });
+  prefs.language = 'zh';
+  expect(told(turning)).toEqual({ 设定值: '无限旋转', 禁入扇区: '340.0 … 20.0°' });
 });
 
 describe('a message', () => {

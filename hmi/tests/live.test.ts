@@ -40,6 +40,7 @@ vi.stubGlobal('fetch', () => {
 });
 const { link } = await import('../src/lib/link.svelte');
 const { hold } = await import('../src/lib/hold.svelte');
+const { Lateness } = await import('../src/lib/age');
 const { sight } = await import('../src/lib/sight.svelte');
 const mineAtFirst = link.mine;
 vi.spyOn(sight, 'look').mockImplementation(() => {});
@@ -131,6 +132,15 @@ describe('what is shown', () => {
       frame({}, 420, { age_ms: 0 });
     }
     expect(link.stale).toBe(true);
+  });
+
+  test('is fresh by a clock that runs 0.5 ms per second slower than that of the page, after hours too', () => {
+    // 1000 s are 0.5 s by which the times of issue fall behind, which is stale; frames come every second.
+    const lateness = new Lateness();
+    let late = 0;
+    for (let n = 0; n <= 1000; n++) late = Math.max(late, lateness.of(n * 999.5, n * 1000));
+    expect(late).toBeLessThan(1);
+    expect(lateness.of(1001 * 999.5 - 300, 1001 * 1000)).toBeGreaterThan(298); // what is late is late
   });
 
   test('is fresh at once when the controller has started anew', async () => {
@@ -300,7 +310,9 @@ describe('a key that is held', () => {
 
   test('ends when the page is hidden', () => {
     hold.press('forward');
+    const hidden = vi.spyOn(document, 'hidden', 'get').mockReturnValue(true);
     document.dispatchEvent(new Event('visibilitychange'));
+    hidden.mockRestore();
     expect([hold.direction, sent('release').length]).toEqual([null, 1]);
   });
 
@@ -358,5 +370,9 @@ describe('a key that is held', () => {
     await pass(0);
     expect([hold.direction, hold.ended, hold.refusal?.code]).toEqual([null, 'refused', 'CTL-15']);
     expect(sent('release')).toHaveLength(2);
+    // What the foot tells is the refusal still, also when the release that follows it is answered.
+    answer(sent('release')[1]!.seq);
+    await pass(0);
+    expect(link.note?.code).toBe('CTL-15');
   });
 });

@@ -5,7 +5,10 @@ import { link } from '../src/lib/link.svelte';
 import { keys, motion, move, whyNot } from '../src/lib/rules';
 import { sight } from '../src/lib/sight.svelte';
 import Commissioning from '../src/parts/Commissioning.svelte';
+import Login from '../src/parts/Login.svelte';
 import Move from '../src/parts/Move.svelte';
+import Shift from '../src/parts/Shift.svelte';
+import TooSmall from '../src/parts/TooSmall.svelte';
 import Travel from '../src/parts/Travel.svelte';
 import TwoStep from '../src/parts/TwoStep.svelte';
 import type { Reply, Welcome } from '../src/lib/protocol';
@@ -57,6 +60,7 @@ describe('what starts motion', () => {
   test.each([
     [{}, ''],
     [{ power: false }, 'why_power'],
+    [{ power: null }, 'why_power'], // not known is not on
     [{ journal_state: 'full' } as unknown as Partial<Tags>, 'why_journal'],
     [{ journal_state: 'slow' } as unknown as Partial<Tags>, ''],
     [{ alarms: [{ severity: 'WARNING' } as AlarmRow] }, ''],
@@ -183,6 +187,84 @@ test.each([
   const box = show(Travel, {}).querySelector('.stopway')!;
   expect(Number(box.getAttribute('x'))).toBeCloseTo(from, 6);
   expect(Number(box.getAttribute('width'))).toBeCloseTo(to - from, 6);
+});
+
+test('Enter in the field of a move sends nothing that its button withholds', () => {
+  const sent = vi.spyOn(link, 'send').mockResolvedValue({ ok: true } as Reply);
+  tags({ pos_ref_deg: 10, pos_min_deg: -180, pos_max_deg: 180 });
+  const enter = (why: '' | 'why_alarm'): void => {
+    if (shown) void unmount(shown);
+    show(Move, { why });
+    const field = document.querySelector('input')!;
+    field.value = '20';
+    field.dispatchEvent(new Event('input', { bubbles: true }));
+    flushSync();
+    document.querySelector('form')!.dispatchEvent(new Event('submit', { cancelable: true }));
+  };
+  enter('why_alarm');
+  expect(sent).not.toHaveBeenCalled();
+  enter('');
+  expect(sent.mock.calls).toEqual([['move', { target_deg: 20 }]]);
+});
+
+test('a window without room tells the angle that is read elsewhere, and that data are stale', () => {
+  tags({ axis_kind: 'modulo', pos_min_deg: 0, pos_max_deg: 360, pos_act_deg: 730.5, vel_act_deg_s: 1 });
+  expect(show(TooSmall, {}).querySelector('b.live')?.textContent).toBe('10.50°');
+  expect(document.querySelector('[data-testid=stale]')).toBeNull();
+  link.stale = true;
+  flushSync();
+  expect(document.querySelector('[data-testid=stale]')).not.toBeNull();
+});
+
+test('who has tried too often is told how long to wait', async () => {
+  const answer = new Response('', { status: 429, headers: { 'Retry-After': '37' } });
+  vi.stubGlobal('fetch', () => Promise.resolve(answer));
+  show(Login, {});
+  document.querySelector('form')!.dispatchEvent(new Event('submit', { cancelable: true }));
+  await vi.waitFor(() =>
+    expect(document.querySelector('[role=alert]')?.textContent).toBe('Too many attempts. Try again in 37 s.'),
+  );
+  vi.unstubAllGlobals();
+});
+
+describe('the shift', () => {
+  test('is told when a line was done and is not kept', async () => {
+    vi.stubGlobal('fetch', () => Promise.resolve(new Response('[]')));
+    link.welcome = { client: 'c1', may: ['note'] } as unknown as Welcome;
+    const reply = { ok: true, code: 'JRN-03', text: 'it was done, and is not kept', values: {} } as Reply;
+    const send = vi.spyOn(link, 'send').mockResolvedValue(reply);
+    show(Shift, {});
+    const field = document.querySelector('input')!;
+    field.value = 'belt greased';
+    field.dispatchEvent(new Event('input', { bubbles: true }));
+    flushSync();
+    document.querySelector('form')!.dispatchEvent(new Event('submit', { cancelable: true }));
+    expect(send.mock.calls).toEqual([['note', { line: 'belt greased' }]]);
+    await vi.waitFor(() =>
+      expect(document.querySelector('[role=alert]')?.textContent).toBe('it was done, and is not kept'),
+    );
+    vi.unstubAllGlobals();
+  });
+
+  test('shows who is here, and nobody as here without a connection', async () => {
+    const people = [{ client: 'c2', user: 'ben', person: 'Ben', role: 'operator', place: 'console' }];
+    vi.stubGlobal('fetch', (path: string) =>
+      Promise.resolve(new Response(JSON.stringify(path.endsWith('people') ? people : []))),
+    );
+    show(Shift, {});
+    const list = document.querySelector('section:last-of-type ul')!;
+    expect(list.textContent).toContain('unknown'); // nothing was heard yet
+    await vi.waitFor(() => {
+      link.stale = false; // the clock of the page has gone on
+      flushSync();
+      expect(list.textContent).toContain('ben');
+    });
+    expect(list.classList).toContain('live');
+    link.stale = true;
+    flushSync();
+    expect([list.textContent?.includes('ben'), list.textContent?.trim()]).toEqual([false, 'unknown']);
+    vi.unstubAllGlobals();
+  });
 });
 
 describe('what is done in two steps', () => {

@@ -2,6 +2,7 @@ import { expect, test } from 'vitest';
 import { Acquisition, type Setting } from '../src/lib/scope/acquisition';
 import { identifiers, marksOf, telegrams } from '../src/lib/scope/buslog';
 import { fromFile, toFile, type Capture } from '../src/lib/scope/capture';
+import { panelOf } from '../src/lib/scope/look';
 import { ALARM, Trigger, type Slope } from '../src/lib/scope/trigger';
 
 function fired(values: (number | null)[], slope: Slope, level = 1, source = 'x'): number[] {
@@ -125,4 +126,17 @@ test('telegrams of a log are placed by the wall clock, those of a virtual bus fr
   const own = telegrams('(3.000000) vcan 181#\n');
   expect(marksOf(own, new Set(), capture, 0).map(({ x }) => x)).toEqual([0]);
   expect(identifiers('12x')).toBe(null);
+});
+
+test('a capture that is laid over another one lies as much later as it was shifted', () => {
+  const capture = (y: number[]): Capture => ({
+    title: '', machine: 'm', utc_s: null, marks: [],
+    channels: [{ name: 'v', unit: '', steps: false, labels: [], begin: null, periods_s: null, x: [0, 1], y }],
+  }); // prettier-ignore
+  const over = { capture: capture([3, 4]), shift_s: 0.25 };
+  const { lines } = panelOf(capture([1, 2]), ['v'], {}, false, 'v', over, [], 'time');
+  expect(lines.map(({ name, x, y }) => [name, x, y])).toEqual([
+    ['v', [0, 1], [1, 2]],
+    ['v (2)', [0.25, 1.25], [3, 4]],
+  ]);
 });

@@ -173,6 +173,17 @@ describe('motion and Stop', () => {
     for (const key of keys) key.getBoundingClientRect = () => new DOMRect(innerWidth - 50, 10, 100, 50);
     sight.look();
     expect(whyNot('power')).toBe('why_no_stop');
+    // Half of them below the window, at its left edge and above it, each still on top in its middle.
+    for (const [left, top] of [
+      [10, innerHeight - 30],
+      [-30, 10],
+      [10, -20],
+    ] as const) {
+      for (const [i, key] of keys.entries())
+        key.getBoundingClientRect = () => new DOMRect(left + 200 * i, top, 100, 50);
+      sight.look();
+      expect(whyNot('power')).toBe('why_no_stop');
+    }
   });
 
   test('a press is sent whatever the state is', () => {

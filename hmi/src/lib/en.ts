@@ -224,6 +224,7 @@ export const en = {
     'Keys and increments above {cap} °/s need the enabling switch, and so do moves from a remote screen.',
   limits: 'Limits of the machine',
   limit_setpoint: 'Set-point',
+  no_ends: 'turns without ends',
   no_go: 'No-go sectors',
   limit_over: 'Trip of the measured angle',
   limit_switch: 'Limit switches',

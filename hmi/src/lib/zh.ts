@@ -215,6 +215,7 @@ export const zh: Record<Key, string> = {
   cap_text: '按键和增量速度超过 {cap} °/s 时需要使能开关，远程屏幕的运动也是。',
   limits: '机器限值',
   limit_setpoint: '设定值',
+  no_ends: '无限旋转',
   no_go: '禁入扇区',
   limit_over: '实测角度跳闸',
   limit_switch: '限位开关',
