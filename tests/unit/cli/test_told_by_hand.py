@@ -26,6 +26,7 @@ from gantryctl.engineering.accuracy import speed_test
 from gantryctl.engineering.accuracy.report import data, text
 from gantryctl.engineering.accuracy.verdict import Conformity
 from gantryctl.engineering.analysis import study
+from gantryctl.engineering.analysis.measured.response import axis_time_s, conditions
 from gantryctl.engineering.comparison import drift_file, drift_report, drift_text, on_bus
 from gantryctl.engineering.fastest import search
 from gantryctl.errors import CommandRefused, ConfigError, UsageError
@@ -226,6 +227,30 @@ def test_the_oldest_recordings_make_room(tmp_path: Path) -> None:
     left = sorted(int(each.name.split("-")[1]) for each in tmp_path.glob("*.parquet"))
     # With the new one as many as are kept.
     assert left == list(range(5, TRACES_KEPT + 4))
+
+
+def test_limits_are_json_where_json_is_asked_for() -> None:
+    found = cli("size", "--limits", "--json").json
+    assert found["machine_values"]["speed.setting_max_deg_s"] == 6.0
+    assert found["sheet"] == "hust_gantry"
+
+
+def test_an_eds_of_another_drive_than_was_named_is_not_tried(tmp_path: Path) -> None:
+    eds = tmp_path / "drive.eds"
+    assert cli("drive", "sim", "--write-eds", eds).code == 0
+    told = cli("drive", "field", "--objects", eds, "--drive", "Nobody 7")
+    assert told.code in (2, 3), told
+    assert "there is no drive 'Nobody 7'" in told.err
+
+
+def test_an_axis_turns_no_faster_than_it_may_while_it_is_measured() -> None:
+    """Three times 3 + 160 s; half of 160 s x 0.3 deg/s back, 24 deg at 6 deg/s, and a ramp of 6 / 0.3934 s."""
+    machine = default_machine()
+    assert [how.vel_deg_s for how in conditions(machine)] == [0.0, 0.0, 0.3]
+    assert axis_time_s(machine, conditions(machine)) == pytest.approx(489.0 + 4.0 + 15.25, abs=0.1)
+    speed = machine.speed.model_copy(update={"setting_max_deg_s": 0.2})
+    slow = conditions(machine.model_copy(update={"speed": speed}))
+    assert [how.vel_deg_s for how in slow] == [0.0, 0.0, 0.2]
 
 
 def test_a_calibration_that_is_replaced_is_counted_on(tmp_path: Path) -> None:

@@ -45,10 +45,11 @@ def field(
     base = machine_of(config_file or default_machine_path().parent / "hust_can.toml")
     path = file or shipped_objects()
     if path.suffix.lower() != ".csv":
-        tables = [read_objects_of(path)]
+        only = read_objects_of(path)
+        known = {only.drive: only}
     else:
         known = read_object_tables(path)
-        tables = [chosen(known, model, path)] if model else list(known.values())
+    tables = [chosen(known, model, path)] if model else list(known.values())
     found = []
     for table in tables:
         if not as_json:

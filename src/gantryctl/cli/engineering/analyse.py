@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 DEFAULT_OUT = Path("analysis")
 # Where to measure when --at is not given.
 _AT_DEG: Final = 75.0
-# Axis time of the three measurements on a bus, about: 525 s with hust_can.toml.
-_ON_BUS_S = 525.0
 
 
 @click.command()
@@ -129,6 +127,7 @@ def _measured(
     config_file: Path | None, angle_deg: float, torque_nm: float | None, yes: bool, *, quiet: bool
 ) -> list[MeasuredResponse]:
     from gantryctl.engineering.analysis.measured.response import (
+        axis_time_s,
         conditions,
         measure_on,
         measure_simulated,
@@ -155,13 +154,15 @@ def _measured(
                 meter.advance(1.0)
         return measured
     largest_nm = max(how.torque_nm for how in chosen)
-    begin, end = (machine.axis.dial.text(at, ".1f") for at in (min(starts), 2.0 * angle_deg - min(starts)))
+    dial, takes_s = machine.axis.dial, axis_time_s(machine, chosen)
+    begin, end = (dial.text(at, ".1f") for at in (min(starts), 2.0 * angle_deg - min(starts)))
     moves = (
-        f"moves to {begin} deg, stands and turns slowly to {end} deg for 8 minutes, with a test signal of "
-        f"+-{largest_nm:.3g} N m on its speed command"
+        f"moves to {dial.text(angle_deg, '.1f')} deg at up to {machine.speed.setting_max_deg_s:g} deg/s, then for "
+        f"about {takes_s / 60.0:.0f} minutes stands there, moves to {begin} deg and turns slowly to {end} deg, with "
+        f"a test signal of +-{largest_nm:.3g} N m on its speed command"
     )
     with bus_experiment(
-        machine, moves, takes_s=_ON_BUS_S, yes=yes, quiet=quiet, controlled_as=quiet_machine(machine)
+        machine, moves, takes_s=takes_s, yes=yes, quiet=quiet, controlled_as=quiet_machine(machine)
     ) as run:
         return [measure_on(machine, run, how) for how in chosen]
 

@@ -129,7 +129,7 @@ def motors(
         page = write_text(directory(out) / "report.html", render_sizing(shown, fits, made))
         click.echo(f"report: {page.resolve()}", err=as_json or limits)
     if limits:
-        return _print_limits(base, shown)
+        return _print_limits(base, shown, as_json=as_json)
     if as_json:
         from gantryctl.engineering.sizing.data import sizing_data
 
@@ -185,13 +185,17 @@ def _sheet(path: Path | None) -> Sheet:
     return load_sheet(path or default_sheet_path())
 
 
-def _print_limits(base: Machine | None, shown: Fit) -> int:
+def _print_limits(base: Machine | None, shown: Fit, *, as_json: bool) -> int:
     from gantryctl.engineering.sizing.chain import as_tables, machine_values
 
     if not shown.fits or base is not None:
         # Refuses what does not fit, or contradicts the rest of the machine.
         _followed(base, shown)
     sheet, motor = shown.train.sheet, shown.motor
+    if as_json:
+        values = machine_values(sheet, motor)
+        print_json({"sheet": sheet.sheet.name, "motor": motor.name, "machine_values": values})
+        return 0
     click.echo(f"# requirement sheet {sheet.sheet.name}, motor {motor.name} ({motor.identity.source})")
     click.echo(as_tables(machine_values(sheet, motor)), nl=False)
     return 0

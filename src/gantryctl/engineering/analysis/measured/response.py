@@ -7,6 +7,7 @@ slowly (it slides). The simulated axis runs under `probe.Probe`, a machine on a 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple
@@ -42,6 +43,8 @@ TORQUE_LIMIT_SHARE: Final = 0.5
 # Trials, settling and measuring take at most so long: ten periods of 16 s.
 _LONGEST_S: Final = 160.0
 _CALM_S: Final = 3.0
+# Friction slides at this speed; a slower axis turns as fast as it may.
+_TURNING_DEG_S: Final = 0.3
 # A tenth of scatter is 0.8 dB, well below the 3 dB that count as another plant.
 _SCATTER_TRUSTED: Final = 0.1
 _OFF_DB: Final = 3.0
@@ -79,8 +82,21 @@ def conditions(machine: Machine, angle_deg: float = 75.0, torque_nm: float | Non
     return [
         Condition("standing, small", large / 5.0, 0.0, angle_deg, Friction.HOLDING),
         Condition("standing, larger", large, 0.0, angle_deg, Friction.HOLDING),
-        Condition("turning", large, 0.3, angle_deg, Friction.SLIDING),
+        Condition(
+            "turning",
+            large,
+            min(_TURNING_DEG_S, machine.speed.setting_max_deg_s),
+            angle_deg,
+            Friction.SLIDING,
+        ),
     ]
+
+
+def axis_time_s(machine: Machine, chosen: Sequence[Condition]) -> float:
+    """About how long measuring on a bus takes once the axis stands at the angle: with the way to where it turns."""
+    fastest, acc = machine.speed.setting_max_deg_s, machine.virtual_axis.acc_deg_s2
+    back_deg = max(how.angle_deg - starts_at_deg(machine, how) for how in chosen)
+    return len(chosen) * (_CALM_S + _LONGEST_S) + back_deg / fastest + fastest / acc
 
 
 class Ratios(NamedTuple):
