@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gantryctl.machine import Machine
+from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.places import fitted_stretch_deg, reach_deg
 
 # A wave that passes at half the first mode is seen a third larger; above it the correction is guesswork.
@@ -110,8 +111,9 @@ def experiment_of(machine: Machine) -> Experiment:
     fastest = max(*expected_waves(machine), turn_waves)
     creep = _two_digits(min(turn, _CREEP_WAVE_PER_MODE * mode_hz * 360.0 / fastest))
     transient_s = 4.0 / mode_hz
-    # Long enough for the transient and as long again, and for its waves to be told from each other.
-    creep_way = _two_digits(max(_CREEP_TURNS * 360.0 / turn_waves, 2.0 * transient_s * creep))
+    # Long enough for the transient and as long again between its ramps, and for its waves to be told from each other.
+    even_way = 2.0 * transient_s * creep + _ramps_deg(machine, creep)
+    creep_way = _two_digits(max(_CREEP_TURNS * 360.0 / turn_waves, even_way))
     swings, swing_deg_s, acc = _swings(machine, mode_hz)
     near, far = _SPEED_LOOP_DEG
     start = fitted_stretch_deg(machine, near, min(far, near + 0.5 * (most - least)))[0]
@@ -145,6 +147,13 @@ def _swings(machine: Machine, mode_hz: float) -> tuple[tuple[tuple[float, float]
     # At most 0.6 of the way is ramps.
     speed = min(speed, math.sqrt(0.6 * (high[1] - high[0]) * acc))
     return ((low[1], low[0]), high), speed, acc
+
+
+def _ramps_deg(machine: Machine, vel_deg_s: float) -> float:
+    """Way of both ramps of a move at a speed."""
+    axis = machine.virtual_axis
+    jerk = axis.jerk_deg_s3 if axis.profile == "jerk_limited" else math.inf
+    return sum(rigid_stop(vel_deg_s, ramp, jerk)[0] for ramp in (axis.acc_deg_s2, axis.dec_deg_s2))
 
 
 def _two_digits(value: float) -> float:

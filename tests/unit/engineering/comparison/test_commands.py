@@ -140,7 +140,8 @@ def test_compare_prints_every_row_and_figure() -> None:
     assert done.code == 0, done.err
     data = json.loads(done.out)
     assert data == json.loads(Path("report/compare.json").read_text("utf-8"))
-    assert len(data["rows"]) == 13
+    # Both machines, each of eleven compensations alone, and all without the encoder.
+    assert len(data["rows"]) == 14
     assert all(set(row) == set(KEY_FIGURES) for row in data["rows"].values())
     alone = data["rows"]["gear map alone"]
     assert alone["a_true_a"] < 0.5 * data["rows"]["profile alone"]["a_true_a"]
@@ -157,7 +158,12 @@ def test_compare_on_the_delivered_drift_prints_what_the_readme_says() -> None:
     (row,) = (
         line for line in readme.splitlines() if "`gantryctl compare paper improved --drift hust`" in line
     )
-    for control in ("hust_improved", "without the load encoder"):
+    followed = "without the load encoder, moment and backlash followed, without a gentle end"
+    controls = (
+        "hust_gantry", "hust_improved", "hust_improved, nothing followed",
+        followed, "without the load encoder, nothing followed",
+    )  # fmt: skip
+    for control in controls:
         spread = data["over_rows"][control]["a_true"]
         for part in ("median", "high", "worst"):
             assert f"{spread[part]:.4f}" in row, (control, part)
