@@ -163,17 +163,11 @@ def test_a_drive_whose_state_is_not_told_any_more_is_asked_for_its_ramp(stopping
 
 
 @PERIODS
-@pytest.mark.parametrize(
-    ("speed_deg_s", "by_drive"), [(0.0, False), (0.6, False), (2.0, False), (2.0, True), (0.0, True)]
-)
-def test_of_a_drive_that_is_not_seen_the_brake_closes_and_then_torque_goes_off(
+@pytest.mark.parametrize(("speed_deg_s", "by_drive"), [(0.0, False), (0.6, False), (2.0, False), (2.0, True)])
+def test_of_a_drive_that_is_not_seen_the_brake_closes_for_the_end_of_its_ramp_and_then_torque_goes_off(
     period_s, speed_deg_s, by_drive
 ):
-    """The brake closes for the end of the ramp, or when the last speed is 100 ms old, 70 ms behind CAN-03.
-
-    The ramp has 5.5 deg/s2 and 60 ms of reaction, the brake 150 ms. A drive that owns its brake closes it as its torque
-    goes.
-    """
+    """5.5 deg/s2, 60 ms of reaction and 150 ms of the brake; a drive that owns its brake closes it after its ramp."""
     rig = Rig(config=settings(period_s=period_s, brake_by_drive=by_drive))
     rig.power_up()
     if speed_deg_s:
@@ -194,45 +188,11 @@ def test_of_a_drive_that_is_not_seen_the_brake_closes_and_then_torque_goes_off(
     closes_s = (rig.scan - begun) * period_s
     rig.until(lambda: rig.output.request is DriveRequest.DISABLE)
     off_s = (rig.scan - begun) * period_s
-    blind_s, ends_s = 0.070, speed_deg_s / 5.5 + 0.060
-    if by_drive and speed_deg_s == 0.0:
-        # Its ramp has ended before, and it closes its brake by itself.
-        expected_s = (ends_s + 0.150, ends_s + 0.150)
-    elif by_drive:
-        expected_s = (blind_s, blind_s)
-    else:
-        begins_s = max(0.0, min(blind_s, ends_s - 0.150))
-        expected_s = (begins_s, begins_s + 0.150)
-    # 30 ms are 3 scans of 10 ms, 8 of 4 ms: 32 ms.
-    assert (closes_s, off_s) == approx(expected_s, abs=2.01 * period_s)
+    ends_s = speed_deg_s / 5.5 + 0.060
+    assert closes_s == approx(max(0.0, ends_s - (0.0 if by_drive else 0.150)), abs=2.01 * period_s)
+    assert off_s == approx(max(0.0, ends_s - (0.0 if by_drive else 0.150)) + 0.150, abs=2.01 * period_s)
     assert rig.axis.power.phase is P.TORQUE_OFF
     assert rig.axis.alarms.active["CAN-03"].reaction is Reaction.TORQUE_OFF
-
-
-@PERIODS
-@pytest.mark.parametrize("by_drive", [False, True])
-def test_a_speed_that_comes_back_within_a_tenth_of_a_second_gets_no_brake_in_its_ramp(period_s, by_drive):
-    """6 deg/s take 1.09 s; missing for 90 ms, the ramp goes on to its end, and the brake closes at rest."""
-    rig = Rig(config=settings(period_s=period_s, brake_by_drive=by_drive))
-    rig.power_up()
-    rig.move(100.0, 6.0)
-    rig.run(5.0)
-    age = 0
-
-    def silent(drive):
-        nonlocal age
-        age += 1
-        return drive._replace(age_scans=age, speed_age_scans=age, link=LinkFlag.LATE)
-
-    rig.spoil = silent
-    rig.run(0.090)
-    assert rig.codes == ["CAN-03"]
-    rig.spoil = None
-    rig.run(0.5)
-    assert rig.codes == ["CAN-03"]
-    assert rig.axis.power.phase is P.QUICK_STOPPING
-    assert rig.output.brake_open
-    assert rig.output.request is DriveRequest.QUICK_STOP
 
 
 @PERIODS

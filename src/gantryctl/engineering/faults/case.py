@@ -57,7 +57,6 @@ class SeenBy(Enum):
     WINDING = "temperature of the winding"
     RAMP = "speed above the ramp of the quick stop"
     HEARTBEAT = "heartbeat of the drive"
-    BLIND = "no speed for 0.1 s"
     DRAG = "torque of a motion against that of earlier ones"
 
 

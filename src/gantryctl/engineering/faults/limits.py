@@ -61,8 +61,6 @@ _DRAG_MEAN_S: Final = 0.5
 _DRAG_LASTS_S: Final = 1.05
 # How long the ramp of a quick stop must be left (`program.power.ramp_watch`).
 _LEFT_RAMP_S: Final = 0.050
-# How long nobody must have seen the speed before the brake ends a ramp (`program.power.sequence`).
-_BLIND_S: Final = 0.1
 
 
 def reaction_of(machine: Machine, case: FaultCase, injections: Sequence[Injection]) -> ReactionClass:
@@ -108,10 +106,6 @@ def limit_deg(
         # wherever that is, and the brake takes over (E9: of the class torque off).
         own = computed_deg(machine, reaction, speed, seen_by)
         return max(own, limit_deg(machine, ReactionClass.TORQUE_OFF, speed, seen_by))
-    if seen_by is SeenBy.BLIND and reaction is ReactionClass.QUICK_STOP:
-        # A ramp that nobody sees is ended by torque off and brake (`program.power.sequence`).
-        off = limit_deg(machine, ReactionClass.TORQUE_OFF, speed, seen_by)
-        return max(limit_deg(machine, reaction, speed), off)
     if reaction in _SPECIFIED and is_reference_machine(machine):
         speeds, ways = zip(*_SPECIFIED[reaction], strict=True)
         return float(np.interp(speed, speeds, ways))
@@ -220,8 +214,6 @@ def _seen_s(machine: Machine, seen_by: SeenBy) -> float:
             return monitors.brake_feedback_time_ms * _MS + REACTION_S
         case SeenBy.WINDING:
             return REACTION_S + _HOT_S
-        case SeenBy.BLIND:
-            return _BLIND_S + scans_s
         case SeenBy.DRAG:
             return REACTION_S + _drags_s(machine)
         case SeenBy.HEARTBEAT:

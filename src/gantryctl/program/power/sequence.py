@@ -24,9 +24,6 @@ from gantryctl.units import deg
 
 # Without a valid position the end of a brake stop is judged by time alone: no sooner than this.
 _BLIND_STOP_S: Final = 1.5
-# A ramp of which nobody has seen the speed for so long is ended by the brake. A spoilt encoder behind a lost SYNC (E1,
-# then A2 or A15b) drove the reference gantry on for its whole ramp.
-_BLIND_S: Final = 0.1
 _UNLOAD_STEPS: Final = 3
 # A sound drive shows after two or three scans that its torque is off. One that owns its brake has the closing time of
 # that more on an orderly way down: then it is told to take the torque off at once, whether it has closed the brake or
@@ -512,20 +509,15 @@ class PowerSequence:
 
         Nobody sees whether the drive still holds the load: off the bus it takes its torque off by itself behind its
         deadline and ramp, at standstill 60 ms after its last command. A brake that waited for the heartbeat closed
-        214 ms after that (scan 4 ms). Nor does anybody see whether it slows the load: a ramp of which nothing has been
-        seen for a while is not waited for.
+        214 ms after that (scan 4 ms).
         """
-        close_s, ends_s = self._settings.brake_close_time_s, self._ramp.ends_s
-        blind_s = elapsed_s - self._feedback.speed_age_s + _BLIND_S
-        if self._drive_owns_brake:
-            # It closes it at the end of its ramp, or as it is told to take its torque off.
-            off_s = blind_s if blind_s < ends_s else ends_s + close_s
-        else:
-            begins_s = max(0.0, min(blind_s, ends_s - close_s))
-            self.brake_open = self.brake_open and elapsed_s < begins_s
-            off_s = begins_s + close_s
+        close_s = self._settings.brake_close_time_s
+        # A drive that owns its brake closes it at the end of its ramp.
+        begins_s = self._ramp.ends_s - (0.0 if self._drive_owns_brake else close_s)
+        if elapsed_s >= begins_s:
+            self.brake_open = False
         first = self._alarms.first_out
-        if first is not None and elapsed_s > off_s:
+        if first is not None and elapsed_s > max(0.0, begins_s) + close_s:
             self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
 
     def _torque_off(self, _pos_rad: float) -> None:

@@ -18,10 +18,9 @@ ROWS: Final = (
         detected_by="no answers to SYNC; RPDO deadline of the drive",
         reaction=_QUICK,
         codes=(Code.CAN_03, Code.CAN_05),
-        reads="no answers; the drive stops, and then the brake closes",
+        reads="no answers; the drive stops",
         injections=(injection("frame", "sync_lost"),),
         buses=("bus",),
-        seen_by=SeenBy.BLIND,
     ),
     FaultCase(
         number="E3",
