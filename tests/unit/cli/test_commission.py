@@ -13,6 +13,7 @@ import pytest
 from gantryctl.cli.drive import commission
 from gantryctl.commissioning import STEPS, Outcome, StepResult
 from gantryctl.commissioning.watch import Halt, StepStopped
+from gantryctl.machine import default_machine
 from gantryctl.operation.client import Stop
 
 pytestmark = pytest.mark.can
@@ -23,6 +24,7 @@ class Work:
     """Steps in whose first one somebody asks for the end, by one signal after the other."""
 
     resumed = complete = False
+    machine = default_machine()
 
     def __init__(self, *signals: signal.Signals) -> None:
         self.signals, self.begun, self.asked = signals, list[str](), list[Stop]()
