@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,8 +40,7 @@ class Tally:
     Attributes:
         played, refused, over_bus: runs. reasons: of the refused ones. axis_s: virtual time.
         stops: alarms that stopped. sources: versions of the code that played it. worst: by number of the row.
-        broken: rows in which something broke. now: the same runs, played again (`replayed`);
-            None before.
+        broken: rows in which something broke. now: the same runs, played again by `replayed`; None before that.
     """
 
     campaign: FaultCampaign
@@ -181,21 +181,23 @@ def _reasons(tallies: Sequence[Tally]) -> list[str]:
 
 def _broken(tallies: Sequence[Tally]) -> list[str]:
     lines = ["## What broke", ""]
-    rows = [(each, place) for each in tallies for place in range(len(each.broken))]
+    again = any(each.now is not None for each in tallies)
+    rows = [
+        (each.campaign.name, row, now)
+        for each in tallies
+        for row, now in zip_longest(each.broken, each.now or ())
+    ]
     if not rows:
         return [*lines, "Nothing.", ""]
-    again = any(each.now is not None for each in tallies)
     if again:
         lines += [f"Played again for this page, with sources {identity().sources}: the last column.", ""]
     lines += [
         "| campaign | seed | faults | first that broke | sources |" + " now |" * again,
         "|---|---|---|---|---|" + "---|" * again,
     ]
-    for each, place in rows[:_SHOWN]:
-        row = each.broken[place]
-        now = "" if each.now is None else f" {_now(each.now[place])} |"
-        line = f"| {each.campaign.name} | {row[INDEX]} | {row['faults']} | {_first(row)} | {row['sources']} |"
-        lines.append(line + now)
+    for name, row, now in rows[:_SHOWN]:
+        line = f"| {name} | {row[INDEX]} | {row['faults']} | {_first(row)} | {row['sources']} |"
+        lines.append(line + (f" {_now(now)} |" if again else ""))
     if len(rows) > _SHOWN:
         lines.append(f"\n{len(rows) - _SHOWN} more.")
     return [*lines, ""]
@@ -205,7 +207,9 @@ def _first(row: Row) -> str:
     return str(json.loads(row["violations"])[0]).replace("|", "/")
 
 
-def _now(row: Row) -> str:
+def _now(row: Row | None) -> str:
+    if row is None:
+        return "not played"
     if row[REFUSED]:
         return f"refused: {row[REFUSED]}"
     return f"**{_first(row)}**" if row["violations"] else "holds"
