@@ -142,7 +142,19 @@ class LazyGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep the words of the command line: reports name the command that made them."""
         ctx.meta[ARGUMENTS] = tuple(args)
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as wrong:
+            import difflib
+
+            # click takes a word for near that shares a few letters: "--json" for "--version".
+            if difflib.get_close_matches(wrong.option_name, ("--version", "--help"), 1, 0.8):
+                raise
+            raise click.UsageError(
+                f"there is no option '{wrong.option_name}' before the command: options stand behind it, as in "
+                f"`gantryctl status --json`.",
+                ctx,
+            ) from None
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """List the names in the order of the table."""

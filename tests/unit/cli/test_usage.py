@@ -75,6 +75,9 @@ WRONG = [
     # words                                            what the line must say
     (["mvoe"], "did you mean 'move'?"),
     (["fly"], "no command 'fly'"),
+    (["--config", "x.toml", "status"], "no option '--config' before the command: options stand behind it"),
+    (["--json"], "no option '--json' before the command: options stand behind it"),
+    (["--verison"], "Did you mean '--version'?"),
     (["--bogus"], "--bogus"),
     (["config", "chekc"], "chekc"),
     (["move"], "give a target angle, or --by"),

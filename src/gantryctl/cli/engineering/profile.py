@@ -81,12 +81,12 @@ def profile(
         bases_um = (0.5 * own_um, own_um, 2.0 * own_um) if own_um else (math.inf,)
     rated = machine.motor.torque_rated_nm, machine.reducer.torque_rated_nm / 1e3
     limits = [Limits(base_um, math.inf if after_um is None else after_um, *rated) for base_um in bases_um]
-    found = fastest_moves(machine, ends_deg, limits, ramps_s)
+    search = fastest_moves(machine, ends_deg, limits, ramps_s)
     if as_json:
-        print_json(fastest_data(machine, ends_deg, found))
+        print_json(fastest_data(machine, ends_deg, search))
         return 0
-    print_table(fastest_table(machine, ends_deg, found))
-    for note in fastest_notes(machine, found):
+    print_table(fastest_table(machine, ends_deg, search.found))
+    for note in fastest_notes(machine, search):
         paragraph(note)
     return 0
 

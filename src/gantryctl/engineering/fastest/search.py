@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Final, NamedTuple
 
 from gantryctl.engineering.analysis.models.profiles import trapezoid_time_s
@@ -68,30 +69,61 @@ class Fastest(NamedTuple):
         return self.acc_deg_s2 / self.ramp_s
 
 
+class Unkept(NamedTuple):
+    """Limits that the slowest profile tried with ramps of one length does not keep.
+
+    Attributes:
+        acc_deg_s2: of that profile, a tenth of the highest acceleration that could be.
+        name: the limit of which it takes most. share: how many times that limit it takes.
+    """
+
+    limits: Limits
+    acc_deg_s2: float
+    ramp_s: float
+    name: str
+    share: float
+
+
+class Search(NamedTuple):
+    """Per limits that some profile keeps, a row for each length of ramps that keeps them; and what is not kept."""
+
+    found: list[list[Fastest]]
+    unkept: list[Unkept]
+
+
 def fastest_moves(
     machine: Machine, ends_deg: tuple[float, float], limits: Sequence[Limits], ramps_s: Sequence[float]
-) -> list[list[Fastest]]:
+) -> Search:
     """Per limits, the fastest profile with ramps of each length; searched on the full plant of the machine file.
 
     Args:
         ends_deg: the move goes from the first to the second, and back.
 
     Raises:
-        UsageError: a profile with a tenth of the highest acceleration that could be is beyond a limit.
+        UsageError: none of the limits is kept by a profile with a tenth of the highest acceleration that could be.
     """
-    cases = [(each, ramp) for each in limits for ramp in ramps_s]
-    high = [_highest_deg_s2(machine, each) for each, _ in cases]
-    low = [_LOWEST_SHARE * each for each in high]
-    found = _worst_moves(machine, ends_deg, low, [ramp for _, ramp in cases])
+    tried = [
+        (each, ramp, _LOWEST_SHARE * _highest_deg_s2(machine, each)) for each in limits for ramp in ramps_s
+    ]
+    slowest = _worst_moves(machine, ends_deg, [acc for _, _, acc in tried], [ramp for _, ramp, _ in tried])
+    cases: list[tuple[Limits, float]] = []
     best: list[tuple[float, MoveFigures]] = []
-    for (each, ramp), acc, move in zip(cases, low, found, strict=True):
+    unkept: list[Unkept] = []
+    for (each, ramp, acc), move in zip(tried, slowest, strict=True):
         name, share = _most(each, move)
         if share > 1.0:
-            raise UsageError(
-                f"no profile: with {acc:.3g} deg/s2 and ramps of {ramp:.3g} s the move takes {share:.3g} times the "
-                f"permitted {name}; permit more"
-            )
-        best.append((acc, move))
+            unkept.append(Unkept(each, acc, ramp, name, share))
+        else:
+            cases.append((each, ramp))
+            best.append((acc, move))
+    if not cases:
+        near = min(unkept, key=lambda each: each.share)
+        raise UsageError(
+            f"no profile: with {near.acc_deg_s2:.3g} deg/s2 and ramps of {near.ramp_s:.3g} s the move takes "
+            f"{near.share:.3g} times the permitted {near.name}; permit more"
+        )
+    low = [acc for acc, _ in best]
+    high = [_highest_deg_s2(machine, each) for each, _ in cases]
     # The end of the range itself is tried first: of a machine that no limit holds.
     middle = list(high)
     for _ in range(_STEPS):
@@ -106,7 +138,7 @@ def fastest_moves(
         Fastest(each, acc, ramp, move, _binding(machine, each, acc, move), bound_s(machine, ends_deg, each.base_um))
         for (each, ramp), (acc, move) in zip(cases, best, strict=True)
     ]  # fmt: skip
-    return [rows[k : k + len(ramps_s)] for k in range(0, len(rows), len(ramps_s))]
+    return Search([list(some) for _, some in groupby(rows, key=lambda each: each.limits)], unkept)
 
 
 def bound_s(machine: Machine, ends_deg: tuple[float, float], base_um: float) -> float:

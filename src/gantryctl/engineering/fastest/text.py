@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
-from gantryctl.engineering.fastest.search import Fastest
+from gantryctl.engineering.fastest.search import Fastest, Limits, Search, Unkept
 from gantryctl.engineering.report.data import plain
 from gantryctl.engineering.report.text import TextTable, decimals, figure
 from gantryctl.machine import Machine
@@ -42,8 +43,9 @@ def fastest_table(
     return TextTable.of(title, rows)._replace(left=(10,))
 
 
-def fastest_notes(machine: Machine, found: Sequence[Sequence[Fastest]]) -> list[str]:
-    """What the limits are, and what no profile undercuts."""
+def fastest_notes(machine: Machine, search: Search) -> list[str]:
+    """What the limits are, what no profile keeps, and what none undercuts."""
+    found = search.found
     limits = found[0][0].limits
     after = "" if math.isinf(limits.after_um) else f", {limits.after_um:g} um of base motion after the move"
     bounds = "; ".join(
@@ -52,6 +54,7 @@ def fastest_notes(machine: Machine, found: Sequence[Sequence[Fastest]]) -> list[
         if math.isfinite(some[0].limits.base_um)
     )
     return [
+        *_unkept_notes(search.unkept),
         f"Limits besides base motion: {limits.motor_nm:g} N m at the motor and {limits.reducer_knm:g} kN m at the "
         f"reducer, both rated{after}; speed {machine.speed.setting_max_deg_s:g} deg/s, a normal ramp no harder than "
         f"the quick stop. Binding: the limit that is reached.",
@@ -65,16 +68,14 @@ def fastest_notes(machine: Machine, found: Sequence[Sequence[Fastest]]) -> list[
     ]  # fmt: skip
 
 
-def fastest_data(
-    machine: Machine, ends_deg: tuple[float, float], found: Sequence[Sequence[Fastest]]
-) -> dict[str, Any]:
+def fastest_data(machine: Machine, ends_deg: tuple[float, float], search: Search) -> dict[str, Any]:
     """Everything `profile --json` prints; null for a limit that there is not."""
     return {
         "machine": machine.name,
         "move_deg": list(ends_deg),
         "rows": [
             {
-                "limits": {name: plain(value) for name, value in each.limits._asdict().items()},
+                "limits": _limits_data(each.limits),
                 "acc_deg_s2": each.acc_deg_s2,
                 "jerk_deg_s3": each.jerk_deg_s3,
                 "ramp_s": each.ramp_s,
@@ -83,10 +84,32 @@ def fastest_data(
                 "bound_s": each.bound_s,
                 "move": each.move._asdict(),
             }
-            for some in found
+            for some in search.found
             for each in some
         ],
+        "unkept": [{**each._asdict(), "limits": _limits_data(each.limits)} for each in search.unkept],
     }
+
+
+def _limits_data(limits: Limits) -> dict[str, Any]:
+    return {name: plain(value) for name, value in limits._asdict().items()}
+
+
+def _unkept_notes(unkept: Sequence[Unkept]) -> list[str]:
+    notes = []
+    for (limits, name), some in groupby(unkept, key=lambda each: (each.limits, each.name)):
+        rows = list(some)
+        near = min(rows, key=lambda each: each.share)
+        ramps = ", ".join(f"{each.ramp_s:.3f}" for each in rows)
+        notes.append(
+            f"No row with {_permitted(limits)} and ramps of {ramps} s: with {near.acc_deg_s2:.3g} deg/s2 the move "
+            f"takes at least {near.share:.3g} times the permitted {name}."
+        )
+    return notes
+
+
+def _permitted(limits: Limits) -> str:
+    return "any base motion" if math.isinf(limits.base_um) else f"{figure(limits.base_um, 0)} um"
 
 
 def _time_s(found: Fastest) -> float:

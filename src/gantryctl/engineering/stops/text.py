@@ -50,7 +50,7 @@ def _row(row: StopRow, speed: int, motor: int, reducer: int, energy: int, base: 
         "motor\nN m": f"{stop.torque_motor_nm:.{motor}f}",
         "reducer\nkN m": f"{stop.torque_reducer_nm / 1e3:.{reducer}f}",
         "base\num p-p": f"{stop.base_um:.{base}f}",
-        "motor\nkJ": f"{stop.motor_energy_kj:.{energy}f}",
+        "motor\nkJ": f"{stop.motor_energy_kj:z.{energy}f}",
         "brake\nkJ": f"{stop.brake_energy_kj:.{energy}f}" if stop.brake_energy_kj else "-",
         "load swing\ndeg/s": f"{stop.load_swing_deg_s:.2f}",
         "calm\ns": f"{stop.settled_s:.1f}" if math.isfinite(stop.settled_s) else "never",

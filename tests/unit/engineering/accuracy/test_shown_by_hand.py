@@ -131,6 +131,12 @@ def test_a_load_that_nothing_measures_has_no_error_rather_than_none() -> None:
     assert (seen[-2:], unseen[-2:]) == (["0.0180", "0.0200"], ["0.0180", "-"])
 
 
+def test_the_speed_asked_has_the_decimals_of_the_speed_reached() -> None:
+    """0.999 deg/s of a telescope: "1.00" beside 0.999 reached looked like a speed that was missed."""
+    run = replace(SPEED_RUN, speed_deg_s=0.999, reached_deg_s=0.999)
+    assert speed_lines([run]).splitlines()[2].split()[2:4] == ["0.999", "0.999"]
+
+
 ROW, BACK = RowKey(0.0, Direction.CCW), RowKey(-90.0, Direction.CW, 2)
 CHORDS = Prediction(
     (Place(ROW, 5.0), Place(BACK, 10.0)),

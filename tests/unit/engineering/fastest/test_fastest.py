@@ -9,7 +9,7 @@ import pytest
 from gantryctl.engineering.comparison.key_figures import Move
 from gantryctl.engineering.fastest import search
 from gantryctl.engineering.fastest.search import Limits, bound_s, fastest_moves
-from gantryctl.engineering.fastest.text import fastest_notes
+from gantryctl.engineering.fastest.text import fastest_data, fastest_notes
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, with_values
 from support.command_line import refused
@@ -43,7 +43,7 @@ def acc_of(base_um: float) -> float:
 def test_base_motion_is_what_the_load_needs_to_gain_speed() -> None:
     """150 um carry 0.97 deg/s2. Ramps of a second rock base and load by 2 to 3 % more than that."""
     limits = Limits(base_um=150.0)
-    ((found,),) = fastest_moves(smooth_machine(), MOVE_DEG, [limits], [1.0])
+    ((found,),) = fastest_moves(smooth_machine(), MOVE_DEG, [limits], [1.0]).found
     assert found.binding == "base"
     assert found.move.base_um <= 150.0
     assert found.acc_deg_s2 == pytest.approx(acc_of(150.0), rel=0.04)
@@ -55,7 +55,7 @@ def test_base_motion_is_what_the_load_needs_to_gain_speed() -> None:
 def test_no_profile_is_faster_than_the_bound() -> None:
     machine = smooth_machine()
     ladder = [Limits(base_um=base_um) for base_um in (60.0, 120.0, 240.0)]
-    found = fastest_moves(machine, MOVE_DEG, ladder, [0.5])
+    found = fastest_moves(machine, MOVE_DEG, ladder, [0.5]).found
     times = [row.move.time_s for (row,) in found]
     assert times == sorted(times, reverse=True)
     for limits, (row,) in zip(ladder, found, strict=True):
@@ -76,7 +76,7 @@ def test_a_small_reducer_and_a_small_motor_bind_before_the_base() -> None:
     wide = Limits(base_um=400.0)
     (by_reducer,), (by_motor,) = fastest_moves(
         machine, MOVE_DEG, [wide._replace(reducer_knm=3.0), wide._replace(motor_nm=30.0)], [1.0]
-    )
+    ).found
     assert (by_reducer.binding, by_motor.binding) == ("reducer", "motor")
     assert by_reducer.acc_deg_s2 == pytest.approx(math.degrees(3.0e3 * 13.0 / INERTIA), rel=0.04)
     rotor = machine.motor.inertia_kg_m2 + machine.plant.motor.wave_generator_inertia_kg_m2
@@ -87,6 +87,27 @@ def test_a_small_reducer_and_a_small_motor_bind_before_the_base() -> None:
 def test_what_no_profile_keeps_is_refused() -> None:
     with pytest.raises(UsageError, match="times the permitted after; permit more"):
         fastest_moves(smooth_machine(), MOVE_DEG, [Limits(base_um=150.0, after_um=1e-6)], [0.5])
+
+
+def test_limits_that_no_profile_keeps_hide_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1e-6 um behind the move is kept by nothing; without that limit there are profiles."""
+    machine, none, some = smooth_machine(), Limits(base_um=150.0, after_um=1e-6), Limits(base_um=150.0)
+    monkeypatch.setattr(search, "_STEPS", 2)
+    found = fastest_moves(machine, MOVE_DEG, [none, some], [1.0])
+    ((row,),) = found.found
+    assert row.limits == some
+    ((limits, acc, ramp, name, share),) = found.unkept
+    # A tenth of what the base is just enough for.
+    assert (limits, ramp, name) == (none, 1.0, "after")
+    assert acc == pytest.approx(0.1 * acc_of(150.0))
+    told = fastest_notes(machine, found)[0]
+    assert told == (
+        f"No row with 150 um and ramps of 1.000 s: with 0.0967 deg/s2 the move takes at least {share:.3g} times the "
+        "permitted after."
+    )
+    data = fastest_data(machine, MOVE_DEG, found)
+    assert [each["limits"]["after_um"] for each in data["rows"]] == [None]
+    assert [each["limits"]["after_um"] for each in data["unkept"]] == [1e-6]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +127,7 @@ def test_the_delivered_machine_is_quick_true_and_calm_at_once() -> None:
     """At the base motion of the paper's loop, both ways, an axis in use. Measured 22.87 s, 0.0106 deg/s and 2.4 um with
     ramps of one period of the first mode; a direction that turns round over 0.01 deg made it 0.022 deg/s.
     """
-    ((found,),) = fastest_moves(improved_machine(), MOVE_DEG, [Limits(base_um=165.0)], [0.494])
+    ((found,),) = fastest_moves(improved_machine(), MOVE_DEG, [Limits(base_um=165.0)], [0.494]).found
     assert found.binding == "base"
     assert found.move.time_s <= 24.0
     assert found.move.load_error_deg_s <= 0.012

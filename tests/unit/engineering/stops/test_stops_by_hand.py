@@ -182,6 +182,9 @@ def test_a_yaw_drive_reads_its_speeds_and_not_zero() -> None:
     row = StopRow(STOP._replace(speed_deg_s=0.048, stop_class=StopClass.JOG_RELEASE), 0.03, inspect=False)
     fast = StopRow(STOP._replace(speed_deg_s=0.48), 0.67, inspect=False)
     assert [cells[1] for cells in stops_text([row, fast]).rows] == ["0.05", "0.48"]
+    # A motor without torque that takes nothing: no minus before a zero.
+    table = stops_text([row._replace(stop=row.stop._replace(motor_energy_kj=-1e-9))])
+    assert dict(zip(table.heads, table.rows[0], strict=True))["motor\nkJ"].strip("0") == "."
     assert "from 0.048 deg/s (lease of 250 ms" in key_lines(TABLE, [row])[0]
     # v^2 / 2a + 0.15 v = 0.05 deg ends at 0.272 deg/s with 4 deg/s2: to two digits below.
     slow = with_values(

@@ -169,7 +169,7 @@ def speed_lines(runs: Sequence[SpeedRun]) -> str:
     for run in runs:
         load = f"{run.load_error_deg_s:9.4f}" if run.load_error_deg_s is not None else "        -"
         lines.append(
-            f"{'pass' if run.passed else 'FAIL':<6}{run.direction.value:>5}{run.speed_deg_s:8.2f}"
+            f"{'pass' if run.passed else 'FAIL':<6}{run.direction.value:>5}{run.speed_deg_s:8.3f}"
             f"{run.reached_deg_s:10.3f}{run.motor_error_deg_s:13.4f}   {load}"
             + ("   stick-slip" if run.stick_slip else "")
         )
