@@ -44,6 +44,7 @@ _SHOWN: Final[dict[str, Callable[[Any], str]]] = {
     "_rad_s": lambda value: f"{deg(value):.6g} deg/s",
     "_rad": lambda value: f"{deg(value):.6g} deg",
     "_nm": lambda value: f"{value:.6g} N m",
+    "_j": lambda value: f"{value:.6g} J",
     "_counts": lambda value: f"fine count {value}",
 }
 

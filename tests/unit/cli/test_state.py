@@ -150,6 +150,8 @@ def test_retain_show() -> None:
     assert found["moves"] == "1"
     assert found["travelled"].endswith(" deg")
     assert found["holding torque"].endswith(" N m")
+    # The longest name, with a gap before its value.
+    assert found["emergency brake energy"] == "0 J"
 
 
 def test_sim_reset_puts_a_new_machine_there() -> None:

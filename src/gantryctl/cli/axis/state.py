@@ -209,8 +209,10 @@ def retain_show(config_file: Path | None, as_json: bool, service: bool) -> int:
     if as_json:
         print_json(asdict(retained))
         return 0
-    for name, value in retained_rows(retained):
-        click.echo(f"{name:<24}{value}")
+    rows = list(retained_rows(retained))
+    width = max(len(name) for name, _ in rows) + 2
+    for name, value in rows:
+        click.echo(f"{name:<{width}}{value}")
     return 0
 
 
