@@ -1,9 +1,10 @@
-"""`gantryctl config set`: one value of a machine file, changed as a person would; all else stays as it stands."""
+"""`gantryctl config set`: values of a machine file, changed as a person would; all else stays as it stands."""
 
 from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +21,14 @@ _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 
 
 @click.command("set")
-@click.argument("key")
-@click.argument("value")
+@click.argument("words", metavar="KEY VALUE [KEY VALUE]...", nargs=-1, required=True)
 @click.option("--config", "file", type=INPUT, help="The machine file to change.")
-def set_value(key: str, value: str, file: Path | None) -> None:
+def set_value(words: tuple[str, ...], file: Path | None) -> None:
     """Set KEY (control.kvf) to VALUE in a machine file, keeping its comments.
 
-    The whole machine is checked first, as `config check` does; what makes no machine is refused and changes nothing.
-    A running service takes it in force at its next start. A negative VALUE stands behind `--`: config set --config FILE
-    -- KEY -5.
+    Several keys are set at once: those that make a machine only together. The whole machine is checked first, as
+    `config check` does; what makes no machine is refused and changes nothing. A running service takes it in force at
+    its next start. A negative VALUE stands behind `--`: config set --config FILE -- KEY -5.
     """
     from gantryctl.errors import UsageError
     from gantryctl.files import check_place, write_whole
@@ -41,14 +41,31 @@ def set_value(key: str, value: str, file: Path | None) -> None:
         )
     check_lasting(file, "--config")
     check_place(file)
-    text, machine = with_value(file, key, value)
+    text, machine = with_values(file, _pairs(words))
     check_whole(machine)
-    before = value_at(load_machine(file), key)
+    before = load_machine(file)
     write_whole(file, text)
-    spec, after = field_specs()[key], value_at(machine, key)
-    click.echo(f"{file}: {spec.place}: {show_value(before)} -> {show_value(after)}{spec.unit_text}")
+    for key in words[::2]:
+        spec, old, new = field_specs()[key], value_at(before, key), value_at(machine, key)
+        click.echo(f"{file}: {spec.place}: {show_value(old)} -> {show_value(new)}{spec.unit_text}")
     for line in warnings_of(machine):
         click.echo(f"warning: {line}")
+
+
+def _pairs(words: Sequence[str]) -> dict[str, str]:
+    """Value by key, of words that alternate."""
+    from gantryctl.errors import UsageError
+    from gantryctl.machine.reading import printable
+
+    if len(words) % 2:
+        raise UsageError(
+            f"{printable(words[-1])} has no value: keys and values alternate, KEY VALUE KEY VALUE"
+        )
+    keys = words[::2]
+    twice = next((key for number, key in enumerate(keys) if key in keys[:number]), None)
+    if twice is not None:
+        raise UsageError(f"{printable(twice)} is named twice: give it one value")
+    return dict(zip(keys, words[1::2], strict=True))
 
 
 def check_whole(machine: Machine) -> None:
@@ -67,19 +84,18 @@ def check_whole(machine: Machine) -> None:
     check_quick_stop(machine, propose=True)
 
 
-def with_value(path: Path, key: str, value: str) -> tuple[str, Machine]:
-    """Set one key in the text of a machine file; nothing is written.
+def with_values(path: Path, values: Mapping[str, str]) -> tuple[str, Machine]:
+    """Set keys in the text of a machine file; nothing is written.
 
     Args:
-        key: dotted path, "control.kvf".
-        value: as TOML; a word or text may stand without quotation marks.
+        values: by dotted path, "control.kvf", a value as TOML; a word or text may stand without quotation marks.
 
     Returns:
         The new text, and the whole machine that it describes, checked.
 
     Raises:
         ConfigError: one line per problem: no such key, a value that it does not take, a rule between keys.
-        UsageError: the key stands in the file in a form that has to be changed by hand.
+        UsageError: a key stands in the file in a form that has to be changed by hand.
     """
     from gantryctl.errors import ConfigError, UsageError
     from gantryctl.machine import field_specs
@@ -88,21 +104,24 @@ def with_value(path: Path, key: str, value: str) -> tuple[str, Machine]:
     from gantryctl.machine.problems import unknown_path
     from gantryctl.machine.reading import parse_toml, printable, read_text
 
-    spec = field_specs().get(key)
-    if spec is None:
-        raise ConfigError([unknown_path(key)])
-    text, name = read_text(path), f"{path} with {key} = {printable(value)}"
-    written = _as_toml(spec, value)
-    before = parse_toml(text, str(path))
-    changed = _edited(text, spec, written)
-    wanted = _set(before, key, tomllib.loads(f"x = {written}")["x"])
-    # Whatever the text looks like: it must mean the same but for this key.
-    try:
-        same = tomllib.loads(changed) == wanted
-    except tomllib.TOMLDecodeError:
-        same = False
-    if not same:
-        raise UsageError(f"{path}: {spec.place} stands there in a form that only an editor can change")
+    unknown = [unknown_path(key) for key in values if key not in field_specs()]
+    if unknown:
+        raise ConfigError(unknown)
+    changed = read_text(path)
+    wanted = parse_toml(changed, str(path))
+    for key, value in values.items():
+        spec = field_specs()[key]
+        written = _as_toml(spec, value)
+        changed = _edited(changed, spec, written)
+        wanted = _set(wanted, key, tomllib.loads(f"x = {written}")["x"])
+        # Whatever the text looks like: it must mean the same but for this key.
+        try:
+            same = tomllib.loads(changed) == wanted
+        except tomllib.TOMLDecodeError:
+            same = False
+        if not same:
+            raise UsageError(f"{path}: {spec.place} stands there in a form that only an editor can change")
+    name = f"{path} with " + ", ".join(f"{key} = {printable(value)}" for key, value in values.items())
     machine = parse_machine(changed, name).read_from(path.resolve())
     named = machine.control.compensation.calibration
     beside = path.parent / named

@@ -108,7 +108,7 @@ def bus_log_option(command: Callable[..., Any]) -> Callable[..., Any]:
                 log.close()
                 # On standard error: what a command prints as JSON is one document.
                 for path in log.frozen:
-                    tell(f"frames around the alarm: gantryctl can log {path}")
+                    tell(f"frames of the bus around it: gantryctl can log {path}")
                 for fault in log.faults:
                     tell(f"warning: {fault}")
                 if bus_log is not None and not log.opened:

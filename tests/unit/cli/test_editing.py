@@ -1,4 +1,4 @@
-"""`gantryctl config set`: one value changed as by hand, and the file stays whole; or nothing at all is changed."""
+"""`gantryctl config set`: values changed as by hand, and the file stays whole; or nothing at all is changed."""
 
 from __future__ import annotations
 
@@ -33,6 +33,36 @@ def test_one_line_changes_and_its_comment_stays(file: Path) -> None:
     ((old, new),) = changed_lines(before, file.read_text(encoding="utf-8"))
     assert old.partition("#")[2] == new.partition("#")[2] != ""
     assert load_machine(file).control.kpp_per_s == 2.5
+
+
+def test_keys_that_make_a_machine_only_together_are_set_together(file: Path) -> None:
+    """A drive on the bus answers within 2 ms, which a scan of 1 ms has no room for."""
+    before = file.read_text(encoding="utf-8")
+    assert "[can] answer_ms" in refused("config", "set", "drive.kind", "canopen", "--config", file)
+    assert file.read_text(encoding="utf-8") == before
+    told = done("config", "set", "drive.kind", "canopen", "control.scan_period_ms", "4", "--config", file).out
+    assert told.splitlines() == [
+        'my.toml: [drive] kind: "sim" -> "canopen"',
+        "my.toml: [control] scan_period_ms: 1.0 -> 4.0 ms",
+    ]
+    assert len(changed_lines(before, file.read_text(encoding="utf-8"))) == 2
+    machine = load_machine(file)
+    assert (machine.drive.kind, machine.control.scan_period_ms) == ("canopen", 4.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("control.kvf", KVF, "drive.kind"), "drive.kind has no value: keys and values alternate"),
+        (("control.kvf", KVF, "control.kvf", "1.0"), "control.kvf is named twice"),
+        (("control.kvf", KVF, "control.kvff", "1"), "did you mean control.kvf"),
+        (("control.kvf", KVF, "control.kpp_per_s", "fast"), "fast is not a number"),
+    ],
+)
+def test_one_wrong_pair_changes_none(file: Path, words: tuple[str, ...], told: str) -> None:
+    before = file.read_text(encoding="utf-8")
+    assert told in refused("config", "set", *words, "--config", file)
+    assert file.read_text(encoding="utf-8") == before
 
 
 def test_a_key_that_is_not_there_comes_to_the_end_of_its_table_and_a_table_to_the_end_of_the_file(
