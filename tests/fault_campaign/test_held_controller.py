@@ -15,6 +15,8 @@ from gantryctl.engineering.faults.limits import held_up_deg
 from gantryctl.program.alarms import log
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.power.phases import PowerPhase
+from gantryctl.program.power.sequence import PowerSequence
 from support.fault_liars import LIARS
 
 pytestmark = pytest.mark.can
@@ -62,7 +64,9 @@ def test_the_torque_goes_as_soon_as_anybody_can_take_it(
 
 
 @pytest.mark.parametrize("held_s", [0.04, 0.31])
-def test_a_program_that_leaves_the_torque_on_is_found(held_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_leaves_torque_and_brake_as_they_are_is_found(
+    held_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The limit permits no more than the time in which nobody could act, and what monitors need from there.
 
     After 0.31 s the axis goes 2.69 deg, where 2.61 are permitted, 1.48 with a sound program.
@@ -77,6 +81,7 @@ def test_a_program_that_leaves_the_torque_on_is_found(held_s: float, monkeypatch
             true(self, code, **values)
 
     monkeypatch.setattr(Feedback, "doubt", doubt)
+    monkeypatch.setattr(PowerSequence, "_stop_on_ramp", lambda self: self._enter(PowerPhase.QUICK_STOPPING))
     assert any(each.invariant == "INV-1" for each in play(scenario("sim", held_s)).violations)
 
 

@@ -210,9 +210,17 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_stops_max=brake.emergency_stops_max,
         # The simulated drive always obeys the brake command.
         brake_by_drive=machine.on_bus and brake.owner == "drive",
+        watchdog_falls_s=_watchdog_falls_s(machine),
         untestable=untestable(machine, torque_preload),
         power_up_time_s=monitors.power_up_time_ms * _MS,
     )
+
+
+def _watchdog_falls_s(machine: Machine) -> float:
+    """Time of the relay, and the last edge may be older than the last scan by a quarter of it."""
+    if not (machine.on_bus and machine.can.output_place("watchdog")):
+        return math.inf
+    return 0.75 * machine.can.watchdog_ms * _MS
 
 
 def _brake_dec_least_deg_s2(machine: Machine) -> float:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from gantryctl.image import DriveState, LinkFlag, StopCause, SystemStop
+from gantryctl.image import DriveRequest, DriveState, LinkFlag, StopCause, SystemStop
+from gantryctl.machine import configs_folder, default_machine, load_machine
 from gantryctl.program import AxisState, Reaction
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.alarms.words import Said
 from gantryctl.units import deg
-from unit.program.rig import Rig
+from gantryctl.wiring.program import axis_settings
+from unit.program.rig import Rig, settings
 
 FROZEN = SystemStop(StopCause.FROZEN, 2.01, 0.05, 3.0)
 CASES = {
@@ -113,3 +117,50 @@ def test_a_reset_of_the_same_scan_acknowledges_nothing() -> None:
     rig.op(reset=True)
     assert rig.codes == ["SYS-03"]
     assert "SYS-03 has come only now" in rig.refused()
+
+
+def brake_of(rig: Rig, held_ms: int) -> bool:
+    """What the brake is told in the scan in which a controller that was held up so long makes scans again."""
+    rig.missed = lambda scan: held_ms
+    rig.step()
+    rig.missed = lambda scan: 0
+    rig.system_stop = SystemStop(StopCause.FROZEN, held_ms * 1e-3, 0.05, rig.scan * rig.period_s)
+    rig.step()
+    assert rig.output.request is DriveRequest.QUICK_STOP
+    return bool(rig.output.brake_open)
+
+
+@pytest.mark.parametrize(("held_ms", "told_open"), [(55, True), (65, False), (2000, False)])
+def test_an_axis_at_rest_is_braked_as_soon_as_its_drive_may_have_stopped_by_itself(
+    held_ms: int, told_open: bool
+) -> None:
+    """Deadline, period and tick of the drive are 60 ms; its telegrams come no sooner than 20 ms after the stall."""
+    rig = Rig()
+    rig.power_up()
+    assert brake_of(rig, held_ms) is told_open
+
+
+@pytest.mark.parametrize(("held_ms", "told_open"), [(70, True), (80, False), (300, False)])
+def test_a_brake_whose_watchdog_relay_may_have_fallen_is_not_released_again(
+    held_ms: int, told_open: bool
+) -> None:
+    """A relay of 100 ms whose last edge may be 25 ms old; the axis turns with 6 deg/s."""
+    rig = Rig(config=settings(watchdog_falls_s=0.075))
+    rig.power_up()
+    rig.move(90.0)
+    rig.run(2.0)
+    assert brake_of(rig, held_ms) is told_open
+
+
+@pytest.mark.parametrize("held_ms", [300, 2000])
+def test_without_a_watchdog_relay_a_turning_axis_keeps_its_ramp(held_ms: int) -> None:
+    assert brake_of(moving(), held_ms)
+
+
+def test_the_relay_of_the_machine_file_is_that_of_the_program() -> None:
+    """`watchdog_ms` = 100, an edge at least each 25 ms; the machines without a relay have no such time."""
+    nodes = load_machine(configs_folder() / "hust_can_nodes.toml")
+    assert nodes.can.watchdog_ms == 100.0
+    assert axis_settings(nodes).power.watchdog_falls_s == pytest.approx(0.075)
+    assert axis_settings(load_machine(configs_folder() / "hust_can.toml")).power.watchdog_falls_s == math.inf
+    assert axis_settings(default_machine()).power.watchdog_falls_s == math.inf

@@ -201,6 +201,11 @@ def in_use(number: int) -> int | None:
     return None if number < 0 else number
 
 
+def falls_s(machine: Machine) -> float:
+    """Three quarters of the 100 ms of a watchdog relay, where an output works one."""
+    return 0.075 if machine.can.outputs.watchdog >= 0 or machine.can.io.outputs.watchdog >= 0 else math.inf
+
+
 ROWS: dict[str, Row] = {
     # --- axis and speed
     "axis.pos_min_deg": {"program.travel.pos_min_rad": DEG},
@@ -431,7 +436,8 @@ ROWS: dict[str, Row] = {
     "can.watchdog_ms": {"bus.watchdog_s": MS},
     **{
         f"can.{where}.{name}": {
-            f"bus.{where}.{name}": lambda m, place=f"can.{where}.{name}": in_use(value_of(m, place))
+            f"bus.{where}.{name}": lambda m, place=f"can.{where}.{name}": in_use(value_of(m, place)),
+            **({"program.power.watchdog_falls_s": falls_s} if name == "watchdog" else {}),
         }
         for where, names in (
             ("outputs", OutputBits._fields), ("io.outputs", OutputBits._fields), ("io.inputs", InputBits._fields),

@@ -226,7 +226,7 @@ class PowerSequence:
         elif reaction is not Reaction.QUICK_STOP:
             self._enter(PowerPhase.TORQUE_OFF)
         elif self.phase is _ON or self.phase in _BRAKE_OPENING:
-            self._enter(PowerPhase.QUICK_STOPPING)
+            self._stop_on_ramp()
         elif self.phase in RISING:
             opens = self._opens_by_drive
             self._enter(PowerPhase.DISABLING)
@@ -236,6 +236,19 @@ class PowerSequence:
         elif self.phase in _BRAKE_CLOSING:
             # The way down goes on, at rest as the drive's own ramp ends, and no longer as an enabled axis.
             self.request = DriveRequest.QUICK_STOP
+
+    def _stop_on_ramp(self) -> None:
+        """Leave the stop to the drive; the brake follows at rest, or at once where nobody may hold the load.
+
+        Behind its deadline the drive has stopped by itself, and at rest that takes no time: its torque is off. A
+        watchdog relay that has fallen takes torque and brake supply, and the first edge gives the supply back: a brake
+        that is told open then stops to close, until telegrams tell (20 ms and more; random seed 158517).
+        """
+        self._enter(PowerPhase.QUICK_STOPPING)
+        unseen_s = self._feedback.periods * self._period_s
+        stopped = self._feedback.slow and unseen_s > self._ramp.ends_s
+        if stopped or unseen_s >= self._settings.watchdog_falls_s:
+            self.brake_open = False
 
     def release_hold(self) -> None:
         """Try the brake again: service has reset HOLD."""
