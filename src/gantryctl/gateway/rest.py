@@ -15,13 +15,14 @@ from typing import Any, Final
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
+from starlette.types import Receive, Scope, Send
 
 from gantryctl.errors import GantryctlError
 from gantryctl.gateway.access import Access, person
 from gantryctl.gateway.guard import error
 from gantryctl.gateway.routes import API, NUMBER_MAX, ROUTES, openapi
 from gantryctl.gateway.settings import BODY_MAX
-from gantryctl.gateway.traces import Recorded, Traces
+from gantryctl.gateway.traces import Content, Recorded, Traces
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
@@ -125,7 +126,7 @@ class Rest:
         # Reading is journaled too (docs/explanation/security.md).
         self._log(request, f"recording {name} was read")
         headers = {"content-length": str(size), "content-disposition": f'attachment; filename="{name}"'}
-        return StreamingResponse(content, 200, headers, media_type="application/vnd.apache.parquet")
+        return _FileResponse(content, headers)
 
     async def _columns(self, request: Request) -> Response:
         asked = _numbers(request, _COLUMNS_QUERY)
@@ -200,6 +201,21 @@ class Rest:
         if session is not None:
             who = Identity("", session.user, session.role, self._access.place(request))
             self._hub.events.put("read", text, who)
+
+
+class _FileResponse(StreamingResponse):
+    """A recording, closed when it was sent, or its client has left, before the first chunk too."""
+
+    def __init__(self, content: Content, headers: dict[str, str]) -> None:
+        super().__init__(content, 200, headers, media_type="application/vnd.apache.parquet")
+        self._content = content
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._content.close()
 
 
 def _numbers(request: Request, query: Iterable[tuple[str, int]]) -> list[int] | Response:

@@ -16,12 +16,19 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from gantryctl.gateway.door import WAITING, Door
 from gantryctl.gateway.guard import Guard
+from gantryctl.gateway.live import TOO_MANY
 from gantryctl.gateway.places import Place
 from gantryctl.gateway.settings import HEADER_S, STUCK_S, Settings
-from gantryctl.service.protocol.limits import MESSAGE_MAX
+from gantryctl.service.protocol.limits import FLOOD_PER_S, MESSAGE_MAX, RateLimiter
 
 HANDLES: Final = 4096
 """Open files: connections, WebSockets, recordings, and a reserve."""
+FRAMES_PER_S: Final = 2.0 * FLOOD_PER_S
+"""Frames of any kind of one WebSocket: its messages, which have a limit of their own, and as many pings and pongs."""
+_PIECE: Final = 2048
+"""Bytes of a WebSocket that are taken apart at a time: 340 of the smallest frames, some 5 ms."""
+_LEAVE_S: Final = 1.0
+"""Time in which who is closed for a flood may read why."""
 # What any client can cause, also without a login, must not fill a log line by line; errors of the program stay.
 _LOG: Final = logging.getLogger("uvicorn.error.clients")
 # A filter, because uvicorn resets the levels of loggers below its own.
@@ -132,11 +139,46 @@ class PatientProtocol(H11Protocol):
 
 
 class QuietWebSocket(WebSocketsSansIOProtocol):
-    """A WebSocket that is refused with an HTTP status, without a line in the log for each."""
+    """A WebSocket that is refused with an HTTP status, without a line in the log for each, and closed when it floods.
+
+    The application sees messages only. Pings, pongs and parts of messages cost as much time, and so does what comes
+    after the close.
+    """
 
     def __init__(self, *arguments: Any, **uvicorns: Any) -> None:
         super().__init__(*arguments, **uvicorns)
         self.logger = _LOG
+        self._frames, self._flooded = RateLimiter(FRAMES_PER_S), False
+
+    def data_received(self, data: bytes) -> None:
+        """Take frames up to the limit; what comes after it is thrown away."""
+        # With TLS 256 KiB come at once: 40 000 pings, half a second in which nobody else has a turn.
+        for at in range(0, len(data), _PIECE):
+            if self._flooded:
+                return
+            super().data_received(data[at : at + _PIECE])
+
+    def handle_events(self) -> None:
+        """Count the frames before they are acted on."""
+        if any(self._frames.wait_s() > 0.0 for _ in self.conn.events):
+            self._end_flood()
+        else:
+            super().handle_events()
+
+    def _end_flood(self) -> None:
+        """Say why, and leave; the application is told at once, for control ends with the connection."""
+        self._flooded = True
+        self.stop_keepalive()
+        if not self.handshake_complete:
+            self.transport.abort()
+            return
+        self.conn.fail(TOO_MANY)
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": TOO_MANY})
+        if self.close_timer is not None:
+            self.close_timer.cancel()
+        self.close_timer = self.loop.call_later(_LEAVE_S, self.transport.abort)
 
     async def send(self, message: Any) -> None:
         """Mark the handshake as complete after a refusal."""

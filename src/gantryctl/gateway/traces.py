@@ -42,10 +42,10 @@ class Traces:
             found.append({"id": self._id(path.name), "name": path.name, "size": size, "modified": at})
         return found
 
-    def open(self, wanted: str) -> tuple[str, int, Iterator[bytes]] | None:
-        """Name, size and content of a recording; None for an unknown id."""
+    def open(self, wanted: str) -> tuple[str, int, Content] | None:
+        """Name, size and content of a recording, which the caller closes; None for an unknown id."""
         found = self.handle(wanted)
-        return None if found is None else (*found[:2], _chunks(found[2], found[1]))
+        return None if found is None else (*found[:2], Content(found[2], found[1]))
 
     def handle(self, wanted: str) -> tuple[str, int, int] | None:
         """Name, size and descriptor of a recording, which the caller closes; None for an unknown id."""
@@ -127,9 +127,26 @@ class Recorded:
             self.busy = False
 
 
-def _chunks(handle: int, size: int) -> Iterator[bytes]:
-    with os.fdopen(handle, "rb") as file:
-        left = size
-        while left > 0 and (chunk := file.read(min(_CHUNK, left))):
-            left -= len(chunk)
-            yield chunk
+class Content:
+    """What a recording had when it was opened, in chunks; it keeps the file open until it is closed.
+
+    Not a generator: one whose client has left before the first chunk never begins, and never ends either.
+    """
+
+    def __init__(self, handle: int, size: int) -> None:
+        self._file, self._left = os.fdopen(handle, "rb"), size
+
+    def __iter__(self) -> Iterator[bytes]:
+        return self
+
+    def __next__(self) -> bytes:
+        """The next chunk."""
+        chunk = self._file.read(min(_CHUNK, self._left))
+        if not chunk:
+            raise StopIteration
+        self._left -= len(chunk)
+        return chunk
+
+    def close(self) -> None:
+        """Close the file; nothing is read any more."""
+        self._file.close()

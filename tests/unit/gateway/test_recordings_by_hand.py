@@ -16,7 +16,7 @@ from gantryctl.gateway import rest as rest_module
 from gantryctl.gateway import static as static_module
 from gantryctl.gateway import traces as traces_module
 from gantryctl.gateway.static import Page
-from gantryctl.gateway.traces import Recorded, Traces, _chunks
+from gantryctl.gateway.traces import Content, Recorded, Traces
 from gantryctl.service.recorder.journal.reading import Entry
 from support.gateway_by_hand import scope
 from unit.gateway.test_rest_by_hand import asked, routes
@@ -78,7 +78,9 @@ def test_a_reader_that_was_ended_is_waited_for(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("size", [0, 1, 256 * 1024, 256 * 1024 + 1])
 def test_a_recording_is_read_to_its_last_byte_and_no_further(tmp_path: Path, size: int) -> None:
     (tmp_path / "one").write_bytes(b"x" * (size + 5))  # it has grown meanwhile
-    parts = [*_chunks(os.open(tmp_path / "one", os.O_RDONLY), size)]
+    content = Content(os.open(tmp_path / "one", os.O_RDONLY), size)
+    parts = [*content]
+    content.close()
     assert sum(map(len, parts)) == size
     assert max(map(len, parts), default=0) <= 256 * 1024
 
@@ -87,13 +89,64 @@ def test_a_download_names_its_size_and_a_note_its_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = routes(tmp_path)
-    made._files.open = lambda wanted: ("one.parquet", 4, iter([b"four"]))  # type: ignore[method-assign]
+    (tmp_path / "one").write_bytes(b"four")
+    four = Content(os.open(tmp_path / "one", os.O_RDONLY), 4)
+    made._files.open = lambda wanted: ("one.parquet", 4, four)  # type: ignore[method-assign]
     answer = asyncio.run(made._trace(Request({**scope(), "path_params": {"id": "x"}})))
+    four.close()
     assert answer.headers["content-length"] == "4"
     assert answer.headers["content-disposition"] == 'attachment; filename="one.parquet"'
     row = Entry(3, {"utc": "2026-01-02", "user": "anna", "text": "a note", "place": "console"}, "")
     monkeypatch.setattr(rest_module, "read_journal", lambda *_, **__: [row])
     assert asked(made._notes)[1] == [{"seq": 3, "utc": "2026-01-02", "user": "anna", "text": "a note"}]
+
+
+@pytest.mark.parametrize("leaves", ["at once", "at the head", "after the whole"])
+def test_a_recording_is_closed_whenever_its_client_leaves(tmp_path: Path, leaves: str) -> None:
+    """Found by a client that asks for recordings and goes: each left a file open, 4096 of which are all there are."""
+    folder = tmp_path / "traces"
+    folder.mkdir()
+    (folder / "service-000001-20261122T151537123.parquet").write_bytes(b"x" * 600_000)
+    made, said = routes(tmp_path), []
+
+    async def check() -> None:
+        gone = asyncio.Event()
+        if leaves == "at once":
+            gone.set()
+
+        async def receive() -> dict[str, Any]:
+            await gone.wait()
+            return {"type": "http.disconnect"}
+
+        async def send(message: Any) -> None:
+            said.append(message)
+            if leaves == "at the head":
+                gone.set()
+                await asyncio.sleep(0.0)
+
+        (row,) = await asyncio.to_thread(made._files.rows)
+        asked_for = {**scope(), "path_params": {"id": row["id"]}}
+        answer = await made._trace(Request(asked_for))
+        assert opened(folder) == 1
+        await answer(asked_for, receive, send)
+
+    asyncio.run(check())
+    assert opened(folder) == 0
+    sent = sum(len(each.get("body", b"")) for each in said)
+    assert (sent == 600_000) is (leaves == "after the whole")
+
+
+def opened(folder: Path) -> int:
+    """Files of a folder that this process has open."""
+    there = [
+        os.readlink(f"/proc/self/fd/{number}") for number in os.listdir("/proc/self/fd") if alive(number)
+    ]
+    return sum(name.startswith(str(folder)) for name in there)
+
+
+def alive(number: str) -> bool:
+    """Whether a descriptor is still there; that of the list itself is not."""
+    return os.path.lexists(f"/proc/self/fd/{number}")
 
 
 def test_the_page_is_a_page_by_its_folder_too(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from starlette.responses import Response
 from gantryctl.errors import DeviceError
 from gantryctl.gateway import rest, traces
 from gantryctl.gateway.rest import Rest
-from gantryctl.gateway.traces import Traces, _chunks
+from gantryctl.gateway.traces import Content, Traces
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal.reading import Entry
@@ -257,12 +257,14 @@ def test_of_many_recordings_the_newest_are_listed_first(
 def test_a_recording_is_sent_as_long_as_it_was_when_its_length_was_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: int
 ) -> None:
-    """Whole, in chunks; what is written behind it meanwhile is not sent, and the file is closed at the end."""
+    """Whole, in chunks; what is written behind it meanwhile is not sent."""
     monkeypatch.setattr(traces, "_CHUNK", 4)
     path, content = tmp_path / "one.parquet", b"0123456789"
     path.write_bytes(content + b"x" * more)
     handle = os.open(path, os.O_RDONLY)
-    assert list(_chunks(handle, len(content))) == [b"0123", b"4567", b"89"]
+    read = Content(handle, len(content))
+    assert list(read) == [b"0123", b"4567", b"89"]
+    read.close()
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.fstat(handle)
 
