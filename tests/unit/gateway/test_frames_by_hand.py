@@ -125,6 +125,7 @@ def test_who_floods_may_read_why_and_is_cut_off_after_a_second(monkeypatch: pyte
         assert first is not None
         monkeypatch.setattr(loop, "call_later", lambda s, work: later.append((s, work)) or first)
         made.data_received(401 * frame(TEXT))
+        made.data_received(frame(TEXT))  # it floods on
         monkeypatch.undo()
         assert first.cancelled()
         assert (wire.said(), wire.ended) == (b"", "")

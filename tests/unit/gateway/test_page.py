@@ -80,6 +80,7 @@ def test_recordings_have_opaque_ids_and_links_are_not_followed(tmp_path: Path) -
     found = traces.open(rows[0]["id"])
     assert found is not None
     assert (found[0], found[1], b"".join(found[2])) == ("one.parquet", 3000, b"one" * 1000)
+    found[2].close()
     for wrong in ("one.parquet", "link.parquet", "../other", "", "\udc80", rows[0]["id"] + "0"):
         assert traces.open(wrong) is None
     assert Traces(tmp_path / "none").rows() == []
