@@ -82,7 +82,7 @@ def test_a_folder_holds_one_campaign(tmp_path: Path) -> None:
         other.begin()
     with pytest.raises(UsageError, match="holds no fault campaign"):
         FaultResult.read(tmp_path / "nothing")
-    with pytest.raises(UsageError, match="one of random, pairs, wide, axes, matrix"):
+    with pytest.raises(UsageError, match="one of random, pairs, wide, axes, axis-pairs, matrix"):
         campaign_of("all")
 
 

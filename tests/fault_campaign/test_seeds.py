@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from gantryctl.engineering.fault_campaign.axis_pairs import axis_pair_scenario
 from gantryctl.engineering.fault_campaign.draw import (
     axis_scenario,
     pair_scenario,
@@ -21,7 +22,13 @@ pytestmark = pytest.mark.can
 SEEDS: dict[str, list[dict[str, Any]]] = tomllib.loads(
     (Path(__file__).parents[1] / "data" / "fault_seeds.toml").read_text()
 )
-KINDS = {"random": random_scenario, "pairs": pair_scenario, "wide": wide_scenario, "axes": axis_scenario}
+KINDS = {
+    "random": random_scenario,
+    "pairs": pair_scenario,
+    "wide": wide_scenario,
+    "axes": axis_scenario,
+    "axis-pairs": axis_pair_scenario,
+}
 FOUND = {
     "an encoder alarm that only warns": 137,
     "a limit switch that only warns": 70,
@@ -49,7 +56,7 @@ FOUND = {
 )
 def test_a_seed_that_once_broke_holds(row: dict[str, Any]) -> None:
     kind, scan_ms = row.get("kind", "random"), row.get("scan_ms", SCAN_MS) or None
-    drive = {"drive": row["drive"]} if kind == "axes" else {}
+    drive = {"drive": row["drive"]} if kind in ("axes", "axis-pairs") else {}
     played = play(KINDS[kind](1, row["number"], scan_ms, **drive))
     assert played.scenario.drive == row["drive"]
     assert played.ok, (row["why"], played.violations)

@@ -31,7 +31,7 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--drive",
             type=click.Choice(("sim", "bus")),
             help="Leave out the runs on the other drive: simulated in process, or virtual behind a bus; both when not "
-            "given. With `axes` the drive of all runs, the simulated one when not given.",
+            "given. With `axes` and `axis-pairs` the drive of all runs, the simulated one when not given.",
         ),
         click.option(
             "--scan",
@@ -44,11 +44,11 @@ def _campaign_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--kind",
-            type=click.Choice(("random", "pairs", "wide", "axes", "matrix")),
+            type=click.Choice(("random", "pairs", "wide", "axes", "axis-pairs", "matrix")),
             default="random",
             show_default=True,
-            help="Drawn scenarios, forced pairs of faults, drawn ones on gantries further away or on other axes, or "
-            "each fault in each phase.",
+            help="Drawn scenarios, forced pairs of faults, drawn ones on gantries further away or on other axes, "
+            "forced pairs at a moment of a motion on other axes, or each fault in each phase.",
         ),
     ):
         command = option(command)

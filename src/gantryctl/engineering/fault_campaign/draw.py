@@ -38,7 +38,7 @@ _FIRST_ACTION_S: Final = 2.2
 _LAST_S: Final = 27.0
 _TOP_DEG_S: Final = 6.0
 _SCANS_MS: Final = (1.0, 4.0, 4.0, 10.0)
-_WIDE_SCANS_MS: Final = (1.0, 2.0, 4.0, 10.0)
+WIDE_SCANS_MS: Final = (1.0, 2.0, 4.0, 10.0)
 _DEEDS: Final[tuple[Deed, ...]] = (
     "move", "move", "move", "move", "jog", "jog", "jog", "increment", "halt", "stop", "override", "power_off",
     "quick_stop", "recover", "brake_test", "power",
@@ -90,9 +90,9 @@ def drawable(drive: Drive, beside: bool = False) -> list[FaultCase]:
     ]
 
 
-def pairs(drive: Drive) -> list[tuple[str, str]]:
+def pairs(drive: Drive, *, beside: bool) -> list[tuple[str, str]]:
     """Ordered pairs of rows that are forced together."""
-    return list(permutations([case.number for case in drawable(drive, beside=drive == "bus")], 2))
+    return list(permutations([case.number for case in drawable(drive, beside)], 2))
 
 
 def random_scenario(series: int, number: int, scan_ms: float | None = None) -> Scenario:
@@ -109,7 +109,7 @@ def wide_scenario(series: int, number: int, scan_ms: float | None = None) -> Sce
     """The same on machines further away: every scan period, a second pinion, each value of the plant 20 % off."""
     name = f"wide {series} {number}"
     draw = Draw(name)
-    scan_ms = draw.one_of(_WIDE_SCANS_MS) if scan_ms is None else scan_ms
+    scan_ms = draw.one_of(WIDE_SCANS_MS) if scan_ms is None else scan_ms
     second_pinion, edge = draw.happens(0.5), draw.happens(0.5)
     scene = _random(draw, name, number, scan_ms)
     # Two drives of one axis are simulated in process only.
@@ -125,16 +125,21 @@ def axis_scenario(series: int, number: int, scan_ms: float | None = None, drive:
     """
     name = f"axes {series} {number}"
     draw = Draw(name)
-    scan_ms = draw.one_of(_WIDE_SCANS_MS) if scan_ms is None else scan_ms
-    # The improved gantry keeps the plant that its calibration is of: another eccentric moment is told (CTL-19).
-    axis: dict[str, Any] = {"improved": True, "plant_seed": None}
-    # Its encoder on the ring is of the simulated drive.
-    if not draw.happens(_IMPROVED_SHARE) or drive == "bus":
-        axis = {**_drawn_axis(draw, draw.one_of(template_names())), "edge": draw.happens(0.5)}
+    scan_ms = draw.one_of(WIDE_SCANS_MS) if scan_ms is None else scan_ms
+    axis = other_axis(draw, drive)
     scene = _random(draw, name, number, scan_ms, drive, beside=False)
     # By a generator of its own: all else is as on the simulated drive.
     axis["inverted"] = drive == "bus" and Draw(f"{name} mounting").happens(0.5)
     return _on_axis(scene.model_copy(update={**axis, "ramp_deg_s2": None}))
+
+
+def other_axis(draw: Draw, drive: Drive) -> dict[str, Any]:
+    """Values of a scenario that make its axis another one: a template with drawn answers, or the improved gantry."""
+    # Its encoder on the ring is of the simulated drive.
+    if draw.happens(_IMPROVED_SHARE) and drive == "sim":
+        # It keeps the plant that its calibration is of: another eccentric moment is told (CTL-19).
+        return {"improved": True, "plant_seed": None}
+    return {**_drawn_axis(draw, draw.one_of(template_names())), "edge": draw.happens(0.5)}
 
 
 def _drawn_axis(draw: Draw, template: str) -> dict[str, Any]:
@@ -187,7 +192,7 @@ def _random(
     """`beside`: nodes beside the drive may be drawn."""
     if drive is None:
         drive = "bus" if draw.happens(BUS_SHARE) else "sim"
-    base = _machine(draw, drive, number, scan_ms, beside=beside)
+    base = drawn_machine(draw, drive, number, scan_ms, beside=beside)
     actions = _deeds(draw, base.angle_deg)
     count = 0 if draw.happens(SOUND_SHARE) else _count(draw)
     rows = drawable(drive, base.beside)
@@ -208,8 +213,8 @@ def pair_scenario(series: int, number: int, scan_ms: float | None = None) -> Sce
     """
     draw = Draw(f"pairs {series} {number}")
     drive: Drive = "bus" if draw.happens(BUS_SHARE) else "sim"
-    base = _machine(draw, drive, number, scan_ms)
-    of_drive = pairs(drive)
+    base = drawn_machine(draw, drive, number, scan_ms)
+    of_drive = pairs(drive, beside=drive == "bus")
     first, second = of_drive[number * PAIR_STRIDE % len(of_drive)]
     if any(case.beside and case.number in (first, second) for case in CATALOGUE):
         base = base.model_copy(update={"beside": True, "brake_owner": "drive"})
@@ -226,9 +231,10 @@ def _count(draw: Draw) -> int:
     return 1 if share < _ONE else 2 if share < _TWO else 3
 
 
-def _machine(
+def drawn_machine(
     draw: Draw, drive: Drive, number: int, scan_ms: float | None, *, beside: bool = True
 ) -> Scenario:
+    """Drive, scan, plant and place of a scenario, without deeds and faults."""
     drawn_ms = draw.one_of(_SCANS_MS)
     scan_ms = drawn_ms if scan_ms is None else scan_ms
     beside = beside and drive == "bus" and draw.happens(_BESIDE_SHARE)
@@ -313,6 +319,11 @@ def _fault(draw: Draw, case: FaultCase, actions: Sequence[Action]) -> PlannedFau
     """A row at a moment: seven of ten soon after something that the person did."""
     after = draw.one_of(actions).at_s + draw.uniform(0.0, 3.0)
     at_s = after if draw.happens(0.7) else draw.uniform(0.5, _LAST_S - 2.0)
+    return planned(draw, case, round(at_s, 6))
+
+
+def planned(draw: Draw, case: FaultCase, at_s: float) -> PlannedFault:
+    """A row at a given moment: its amount, and whether it ends."""
     args: dict[str, Value] = {}
     amount = _AMOUNTS.get(case.number)
     if amount is not None:
@@ -320,7 +331,7 @@ def _fault(draw: Draw, case: FaultCase, actions: Sequence[Action]) -> PlannedFau
         args[name] = draw.uniform(low, high)
     ends = draw.happens(0.4)
     for_s = draw.uniform(0.05, 6.0)
-    return PlannedFault(number=case.number, at_s=round(at_s, 6), for_s=for_s if ends else None, args=args)
+    return PlannedFault(number=case.number, at_s=at_s, for_s=for_s if ends else None, args=args)
 
 
 def _made(

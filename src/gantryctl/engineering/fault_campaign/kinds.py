@@ -7,6 +7,7 @@ import json
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from gantryctl.engineering.fault_campaign.axis_pairs import axis_pair_scenario
 from gantryctl.engineering.fault_campaign.draw import (
     DURATION_S,
     axis_scenario,
@@ -20,15 +21,19 @@ from gantryctl.engineering.faults.injection import finite
 from gantryctl.engineering.faults.run import DriveKind
 from gantryctl.errors import UsageError
 
-Kind = Literal["random", "pairs", "wide", "axes", "matrix"]
-KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "wide", "axes", "matrix")
+Kind = Literal["random", "pairs", "wide", "axes", "axis-pairs", "matrix"]
+KINDS: Final[tuple[Kind, ...]] = ("random", "pairs", "wide", "axes", "axis-pairs", "matrix")
 # Of the way scenarios of a kind are drawn: another number gives other scenarios, and no result goes on with them.
-_DRAWING: Final[dict[Kind, int]] = {"random": 1, "pairs": 2, "wide": 2, "axes": 1, "matrix": 2}
+_DRAWING: Final[dict[Kind, int]] = {
+    "random": 1, "pairs": 2, "wide": 2, "axes": 1, "axis-pairs": 1, "matrix": 2,
+}  # fmt: skip
 _DRAWS: Final = {
     "random": random_scenario,
     "pairs": pair_scenario,
     "wide": wide_scenario,
 }
+# One drive for all runs, since other axes are drawn with or without a bus.
+_ON_OTHER_AXES: Final = {"axes": axis_scenario, "axis-pairs": axis_pair_scenario}
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,8 @@ class FaultCampaign:
 
     def scenario(self, seed: int) -> Scenario:
         """The scenario of a seed; not for the matrix, whose cells are runs of a row."""
-        if self.kind == "axes":
-            return axis_scenario(self.series, seed, self.scan_ms, self.drive or "sim")
+        if self.kind in _ON_OTHER_AXES:
+            return _ON_OTHER_AXES[self.kind](self.series, seed, self.scan_ms, self.drive or "sim")
         return _DRAWS[self.kind](self.series, seed, self.scan_ms)
 
 

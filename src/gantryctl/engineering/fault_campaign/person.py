@@ -10,7 +10,7 @@ from gantryctl.image import Mode, OperatorCommand
 from gantryctl.units import rad
 
 # A level that is an edge to the program stands for some scans.
-_PULSE_S: Final = 0.03
+PULSE_S: Final = 0.03
 _RENEWED_S: Final = 0.03
 """A page renews the lease of a held key so often."""
 _LET_GO: Final = {
@@ -47,7 +47,7 @@ def _changes(action: Action) -> Iterator[Change]:
             yield Change(at_s, {"power": False})
         case "move":
             levels = {"target_rad": rad(action.target_deg), "speed_rad_s": rad(abs(action.speed_deg_s))}
-            yield from _pulse(at_s, "move", _PULSE_S, levels)
+            yield from _pulse(at_s, "move", PULSE_S, levels)
         case "jog":
             yield from _jog(action)
         case "increment":
@@ -58,9 +58,9 @@ def _changes(action: Action) -> Iterator[Change]:
                 "speed_rad_s": rad(abs(action.speed_deg_s)),
             }
             yield Change(at_s, levels)
-            yield from _pulse(at_s + _PULSE_S, key, 0.1, {})
+            yield from _pulse(at_s + PULSE_S, key, 0.1, {})
         case "halt" | "reset" | "brake_test":
-            yield from _pulse(at_s, action.do, _PULSE_S, {})
+            yield from _pulse(at_s, action.do, PULSE_S, {})
         case "stop" | "quick_stop":
             yield from _pulse(at_s, action.do, action.for_s, {})
         case "override":
@@ -73,12 +73,12 @@ def _changes(action: Action) -> Iterator[Change]:
 
 def _pulse(at_s: float, level: str, for_s: float, others: dict[str, Any]) -> Iterator[Change]:
     yield Change(at_s, {level: True, **others})
-    yield Change(at_s + max(for_s, _PULSE_S), {level: False})
+    yield Change(at_s + max(for_s, PULSE_S), {level: False})
 
 
 def _jog(action: Action) -> Iterator[Change]:
     key = "forward" if action.speed_deg_s > 0.0 else "reverse"
-    begin_s, end_s = action.at_s + _PULSE_S, action.at_s + _PULSE_S + action.for_s
+    begin_s, end_s = action.at_s + PULSE_S, action.at_s + PULSE_S + action.for_s
     levels = {"mode": Mode.CONTINUOUS, "speed_rad_s": rad(abs(action.speed_deg_s))}
     yield Change(action.at_s, {**levels, "lease_age_s": action.lease_age_s})
     yield Change(begin_s, {key: True}, renews=True)
