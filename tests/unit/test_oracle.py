@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -185,6 +186,120 @@ def test_a_move_that_comes_late_into_its_window_ends_there(key_ms: int, found: b
         asked.perhaps_arrived(now, 1.5 * window if now < 3200 else 0.5 * window)
     told = take(key_ms, refusal(Code.CTL_14, reason=Words.JOG_FROM_REST), forward=True)
     assert ("has not ended" in told) is found
+
+
+@pytest.mark.parametrize(
+    ("stops_ms", "vel_deg_s", "leads"),
+    [(0, 5.28, 8.04), (0, -5.28, 8.04), (1, 5.28, 0.0)],
+    ids=["while it gains speed", "the other way", "a stop that was pressed before goes no further"],
+)
+def test_a_stop_leads_to_the_end_of_its_ramp_and_no_further(
+    stops_ms: int, vel_deg_s: float, leads: float
+) -> None:
+    """Acceleration of 2 deg/s2 turns round in 0.2 s (1.07 deg), then 5.28 deg/s come to rest in 6.97: 8.04 deg."""
+    settings, way, deg = axis_settings(default_machine()), math.copysign(1.0, vel_deg_s), RATIO * rad(1.0)
+    ramps = replace(settings.ramps, acc_rad_s2=rad(2.0), dec_rad_s2=rad(2.0), jerk_rad_s3=math.inf)
+    assert (ramps.jog_release_dec_rad_s2, ramps.jog_release_jerk_rad_s3) == (rad(2.0), rad(20.0))
+    asked = Asked(replace(settings, ramps=ramps), settled=0.05 * deg, told=0.05 * deg, sag=0.15 * deg)
+
+    def take(now: int, vel: float, **levels: object) -> None:
+        op = asked.levels._replace(**levels)
+        asked.take(op, now, way * vel * deg, 0.0, moves=True, refused=None, in_force=ramps)
+
+    take(0, 0.0, power=True)
+    take(10, 0.0, move=True, target_rad=0.0)
+    for now in range(stops_ms + 1):
+        take(20 + now, 5.28 if now == stops_ms else 0.0, stop=True)
+    assert not asked.leads_away(way * (leads + 0.14) * deg, way * deg)
+    assert asked.leads_away(way * (leads + 0.16) * deg, way * deg)
+
+
+@pytest.mark.parametrize(("halt", "leads"), [(False, 0.620), (True, 0.740)])
+def test_a_stop_of_a_slow_axis_ends_before_its_deceleration_is_full(halt: bool, leads: float) -> None:
+    """0.5 deg/s and 0.36 deg/s2 of acceleration, which go in 0.36 s at 1 deg/s3: 0.196 deg, and 0.565 deg/s then.
+
+    A stop of 2 deg/s2 rises to 0.752 and falls again, 1.503 s: 0.425 deg, in all 0.620. Halt keeps to 0.36 deg/s2,
+    1.929 s: 0.545 deg, in all 0.740.
+    """
+    settings, deg = axis_settings(default_machine()), RATIO * rad(1.0)
+    slow = {"acc_rad_s2": rad(0.36), "dec_rad_s2": rad(0.36), "jerk_rad_s3": rad(1.0)}
+    ramps = replace(settings.ramps, **slow, jog_release_jerk_rad_s3=rad(1.0))
+    asked = Asked(replace(settings, ramps=ramps), settled=0.05 * deg, told=0.05 * deg, sag=0.15 * deg)
+    take = partial(asked.take, moves=True, refused=None, in_force=ramps)
+    take(asked.levels._replace(power=True), 0, 0.0, 0.0)
+    take(asked.levels._replace(move=True, target_rad=0.0), 10, 0.0, 0.0)
+    take(asked.levels._replace(halt=halt, stop=not halt), 20, 0.5 * deg, 0.0)
+    assert not asked.leads_away((leads + 0.14) * deg, deg)
+    assert asked.leads_away((leads + 0.16) * deg, deg)
+
+
+CAUGHT = {"brake_open": False, "energised": False}
+
+
+@pytest.mark.parametrize(
+    ("after_ms", "speed_deg_s", "way_deg", "state", "passes"),
+    [
+        (60, 3.0, 0.5, CAUGHT, True),
+        (240, 3.0, 0.5, CAUGHT, True),
+        (260, 3.0, 0.5, CAUGHT, False),
+        (60, 3.0, 2.0, CAUGHT, False),
+        (60, 3.0, 0.5, {"brake_open": True, "energised": True}, False),
+        (60, 3.0, 0.5, {"brake_open": False, "energised": True}, False),
+        (60, 0.3, 0.5, CAUGHT, False),
+    ],
+    ids=[
+        "torn off",
+        "by the slowest swing",
+        "later",
+        "beyond the way of the stop",
+        "driven on",
+        "driven against the brake",
+        "creeps on behind the swing",
+    ],
+)
+def test_a_load_that_swings_on_tears_the_rotor_off_within_half_a_swing(
+    after_ms: int, speed_deg_s: float, way_deg: float, state: dict[str, bool], passes: bool
+) -> None:
+    """0.3 deg behind a closed brake: 205 ms are half a swing, 251 of one a fifth larger on a gear a fifth softer.
+
+    The stop from 3 deg/s may take 2.1 deg in all. At 0.3 deg/s half of the way is left at the end of the swing.
+    """
+    found: list[Violation] = []
+    axis = AxisOracle(found.append)
+    axis.bound, axis._rest, axis._sag, axis._deg = True, 0.05, 0.15, 1.0
+    axis.begin(0.0, **state)
+    alarm = Alarm(Code.CTL_03, 0.0, {}, Reaction.TORQUE_OFF)
+    onset = Instant(0, -way_deg, 3.0, True, True)
+    axis._stop = Stop(alarm, StopClass.FEEDBACK, onset, axis.now())
+    for ms in range(1200):
+        slips = min(max(0.0, 1e-3 * speed_deg_s * (ms - after_ms)), 0.3)
+        axis.sample(slips, speed_deg_s if 0.0 < slips < 0.3 else 0.0, 0.0, **state)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-2"])
+
+
+@pytest.mark.parametrize(
+    ("signal", "step", "passes"), [(0.0, 0.08, False), (0.1, 0.16, True), (0.1, 0.18, False)]
+)
+def test_the_signal_of_an_experiment_is_no_step_of_the_ramps(
+    signal: float, step: float, passes: bool
+) -> None:
+    """At 1 deg/s, in 4 ms: 0.067 deg/s are ramps (2 + 4.36 of 0.5 deg/s) and regulation, and the signal."""
+    found: list[Violation] = []
+    axis = AxisOracle(found.append)
+    settings = axis_settings(default_machine())
+    settings = replace(
+        settings,
+        law=replace(settings.law, kpp_per_s=4.36),
+        monitors=replace(settings.monitors, velocity_deviation_rad_s=rad(0.5)),
+    )
+    deg = axis._deg = RATIO * rad(1.0)
+    axis._wire.bind(settings, SimpleNamespace(signal_step_rad_s=signal * deg), shipped=False)
+    for ms, vel in ((4, 1.0), (8, 1.0), (12, 1.0 + step), (16, 1.0 + step), (20, 1.0 + step)):
+        axis.ms = ms
+        if ms == 4:
+            axis._wire.vel = vel * deg
+        axis._wire.command(axis, vel * deg, 0.0, None)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-3"])
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,31 @@ def test_command_and_signal_together_keep_the_clamp_both_ways(value: float, told
     assert rig.output.vel_cmd_rad_s == pytest.approx(told, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("where", "steps"), [(Input.SPEED, [3.0, 3.0, 3.0, 0.0]), (Input.TORQUE, [0.0, 0.0, 0.0, 0.0])]
+)
+def test_a_step_is_the_signal_s_from_its_begin_to_its_end(where: Input, steps: list[float]) -> None:
+    rig = excited(3.0, where)
+    told = [rig.program.signal_step_rad_s]
+    for _ in range(2):
+        rig.step()
+        told.append(rig.program.signal_step_rad_s)
+    rig.program.end_signal()
+    for _ in range(2):
+        rig.step()
+        told.append(rig.program.signal_step_rad_s)
+    assert told == [0.0, *steps]
+
+
+def test_a_signal_that_follows_another_steps_from_its_value() -> None:
+    rig = excited(3.0)
+    rig.step()
+    signal = SimpleNamespace(where=Input.SPEED, period=lambda _scan_s: np.array([-2.0]))
+    rig.program.excite(cast(Excitation, signal), rig.period_s, LIMIT_NM)
+    rig.step()
+    assert rig.program.signal_step_rad_s == 5.0
+
+
 @pytest.mark.parametrize("torque_nm", [50.1, -50.1, math.nan])
 @pytest.mark.parametrize("where", [Input.SPEED, Input.TORQUE])
 def test_torque_of_either_sign_ends_the_signal(torque_nm: float, where: Input) -> None:

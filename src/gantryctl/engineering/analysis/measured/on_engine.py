@@ -38,8 +38,9 @@ class ExcitedProgram(GantryProgram):
         self._torque_limit_nm = math.inf
         self._signal: list[float] = []
         self._to_torque = False
+        self._step_rad_s = 0.0
         self._next = 0
-        self._added = (0.0, 0.0)
+        self._added = self._added_before = (0.0, 0.0)
         self._ring_rad = 0.0
         law = axis.settings.law
         self._vel_max = axis.settings.speed.command_clamp_rad_s * law.ratio
@@ -50,8 +51,11 @@ class ExcitedProgram(GantryProgram):
         Args:
             torque_limit_nm: motor torque at which the signal ends and the axis makes a quick stop.
         """
-        self._signal = excitation.period(scan_s).tolist()
+        signal = excitation.period(scan_s)
+        self._signal = signal.tolist()
         self._to_torque = excitation.where is Input.TORQUE
+        steps = np.abs([signal[0] - self._added[0], *signal, *np.diff(signal, append=signal[0])])
+        self._step_rad_s = 0.0 if self._to_torque else float(steps.max())
         self._torque_limit_nm = torque_limit_nm
         self._next = 0
 
@@ -59,11 +63,19 @@ class ExcitedProgram(GantryProgram):
         """Add nothing from the next scan on."""
         self._signal = []
 
+    @property
+    def signal_step_rad_s(self) -> float:
+        """Most by which the signal may have changed the speed command in the last scan, also as it began or ended.
+
+        0 before it and from the scan behind its end on, and for one of the torque.
+        """
+        return self._step_rad_s if self._added[0] or self._added_before[0] else 0.0
+
     def scan(self, image: InputImage) -> OutputImage:
         """One scan of the shipped program, with the signal on its output."""
         output = super().scan(image)
         self._ring_rad = image.drive.pos_ring_rad
-        self._added = (0.0, 0.0)
+        self._added, self._added_before = (0.0, 0.0), self._added
         if not self._signal:
             return output
         if not abs(image.drive.torque_act_nm) <= self._torque_limit_nm:

@@ -182,7 +182,7 @@ class AxisOracle:
         # The clamp is a float that the law reaches exactly.
         self._vel_max = speed.command_clamp_rad_s * ratio * (1.0 + 1e-12)
         self._torque_max = settings.power.torque_max_nm * (1.0 + 1e-12)
-        self._wire.bind(settings, shipped=self._shipped)
+        self._wire.bind(settings, program, shipped=self._shipped)
         # Ramps of machines that need seconds to leave the speeds that look like regulation.
         slowest, settled = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio, self._wire.settled
         self._creeps = slowest < settled
@@ -500,7 +500,16 @@ class AxisOracle:
         if stop.slow_ms >= _AT_REST_MS and (not self.brake_open or self.energised):
             stop.ended = True
             self._reason_ms = max(self._reason_ms, now if self._anchor is None else -1)
-        if stop.ended and self._anchor is not None:
+        if stop.ended:
+            stop.ended_ms += 1
+        lasts_ms = self.bounds.lasts_ms
+        # Torn off within half a swing, and with the load at the end of its swing after as long again at most.
+        stop.lasted = stop.lasted or stop.slow_ms >= lasts_ms or stop.ended_ms > 2.0 * lasts_ms
+        caught = not (self.energised or self.brake_open)
+        if stop.ended and caught and not stop.lasted and way <= stop.allowed_deg:
+            # Torn off by a load that swings on: still the way of the stop.
+            self._anchor = self.angle if self._anchor is not None else None
+        elif stop.ended and self._anchor is not None:
             if not -self._sag <= self.angle - self._anchor <= self._sag:
                 self._moves(self.angle - self._anchor)
         elif not stop.ended:

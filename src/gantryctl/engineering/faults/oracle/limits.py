@@ -93,6 +93,10 @@ class Bounds:
         untwists_deg_s_per_nm: what a gear gives the rotor as it turns back, for each N m of torque that has gone off
             while no brake holds the shaft.
         rest_deg_s: slower is no motion: a tenth of what the load swings with after a quick stop.
+        lasts_ms: what moves behind a shorter rest is still the way of the stop. A rotor that its brake has caught is
+            torn off again while the load swings on and twists the gear, within half a swing, and goes with it for as
+            long again at most (random 155847: at rest for 53 ms behind 4 deg/s, then 0.23 deg further behind a closed
+            brake).
         regulation_deg_s: a command of this size is regulation at standstill, not motion.
         told_rest_deg_s: from the time that is told as "at rest after" on; the controller judges at a fifth.
         dither_deg: a standing encoder is asked by at most so much, forth and back in some ms each.
@@ -109,6 +113,7 @@ class Bounds:
     unheld_acc_deg_s2: float
     untwists_deg_s_per_nm: float
     rest_deg_s: float
+    lasts_ms: float
     regulation_deg_s: float
     told_rest_deg_s: float
     dither_deg: float
@@ -144,6 +149,7 @@ def bounds_of(machine: Machine) -> Bounds:
         unheld_acc_deg_s2=_unheld_acc_deg_s2(machine),
         untwists_deg_s_per_nm=_untwists_deg_s_per_nm(machine),
         rest_deg_s=REFERENCE.rest_deg_s * part,
+        lasts_ms=max(50.0, _SWING_SPARE * _half_swing_ms(machine)),
         regulation_deg_s=REFERENCE.regulation_deg_s * part,
         told_rest_deg_s=REFERENCE.told_rest_deg_s * part,
         dither_deg=_DITHER_TURNS * 360.0 / machine.axis.ratio,
@@ -199,6 +205,13 @@ def _untwists_deg_s_per_nm(machine: Machine) -> float:
     return 0.0 if p.rigid else deg(1.0 / (p.stiffness_1_nm_per_rad * p.inertia_motor_kg_m2) ** 0.5)
 
 
+def _half_swing_ms(machine: Machine) -> float:
+    """Half a period of the load against a rotor that stands, at the smallest stiffness."""
+    p = plant_params(machine)
+    swing = 0.0 if p.rigid else (p.inertia_load_kg_m2 / p.stiffness_1_nm_per_rad) ** 0.5
+    return 1e3 * np.pi * swing
+
+
 def _computed_way_deg(machine: Machine, kind: StopClass, speed_deg_s: float) -> float:
     # However slow the axis is, a fault at standstill may move it as far.
     return max(standstill_deg(machine), _way_from_deg(machine, kind, abs(speed_deg_s)))
@@ -238,6 +251,8 @@ REFERENCE: Final = Bounds(
     unheld_acc_deg_s2=0.0,
     untwists_deg_s_per_nm=0.0,
     rest_deg_s=0.05,
+    # 205 ms (2.18e6 kg m2 on 5.12e8 N m/rad), and 251 with an inertia a fifth larger and a stiffness a fifth smaller.
+    lasts_ms=251.0,
     regulation_deg_s=0.05,
     told_rest_deg_s=0.1,
     dither_deg=0.006,
@@ -251,6 +266,8 @@ _DITHER_TURNS: Final = 2.0 * 4096.0 / 524288.0
 _SAG_SLIPS: Final = 7.5
 # Above the time of the simulated stop: the 50 ms of a rest that lasts, the time to see it, the load that swings on.
 _AT_REST_SPARE_S: Final = 0.6
+# The root of 1.2/0.8: a plant whose every value is a fifth off.
+_SWING_SPARE: Final = 1.225
 _REACTIONS: Final = {
     StopClass.QUICK: ReactionClass.QUICK_STOP,
     StopClass.TORQUE_OFF: ReactionClass.TORQUE_OFF,

@@ -29,11 +29,13 @@ class SpeedOnWire:
         self._rest_angle = self._rest_wrong = self._wrong = 0.0
         # Replaced by `bind`.
         self._shipped = True
+        self._program: object = None
         self.settled = self._dither = self._sag = self._slope = math.inf
         self._kpp = self._apart = 0.0
 
-    def bind(self, settings: AxisSettings, *, shipped: bool) -> None:
+    def bind(self, settings: AxisSettings, program: object, *, shipped: bool) -> None:
         """From now on a program with these settings commands it; one of somebody's own moves by its own logic."""
+        self._program = program
         ratio, ramps = settings.law.ratio, settings.ramps
         motor_deg = ratio * math.pi / 180.0
         self._shipped = shipped
@@ -67,6 +69,8 @@ class SpeedOnWire:
         if self._step or not -self._slope <= vel - before <= self._slope:
             # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
             slope = self._slope * passed + self.settled + self._kpp * abs(wrong)
+            # The signal of an experiment is asked for, and added to what the ramps command.
+            slope += getattr(self._program, "signal_step_rad_s", 0.0)
             if self._step or not -slope <= vel - before <= slope:
                 self._stepped(true, before, vel, passed)
         self.vel, self._ms = vel, now

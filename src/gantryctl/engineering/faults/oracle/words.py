@@ -86,7 +86,8 @@ class Stop:
 
     Attributes:
         speeds: the true speed of each millisecond since, deg/s at the gantry.
-        slow_ms: how long it has been slow. `ended`: at rest and held.
+        slow_ms: how long it has been slow. `ended`: at rest and held, `ended_ms` ago.
+        lasted: a load that swings on can tear it off no longer.
         allowed_deg: the way that needs no further look.
         off_ms, closed_ms: when the torque went off and the brake closed, after the alarm.
         off: angle and speed there, where the torque went off after the alarm.
@@ -96,8 +97,8 @@ class Stop:
         self.alarm, self.kind, self.onset, self.told = alarm, kind, onset, told
         self.steps: Any = alarm.steps
         self.speeds: list[float] = []
-        self.slow_ms = 0
-        self.ended = False
+        self.slow_ms = self.ended_ms = 0
+        self.ended = self.lasted = False
         self.allowed_deg = 0.0
         # What a drive switched off by itself went off within the scan that tells it.
         self.off_ms: int | None = None if told.energised else 0
