@@ -121,7 +121,10 @@ describe('alarms', () => {
 
 test('what is not known yet is neither at rest, nor free to be switched on, nor on the disk', () => {
   const text = (part: Component, tags: Partial<Tags>): string => show(part, {}, tags).textContent ?? '';
-  expect(text(Display, { at_rest: true })).toContain('at rest');
+  const stands = { at_rest: true, vel_act_deg_s: 0.0001, speed_min_deg_s: 0.6 };
+  expect(text(Display, stands)).toContain('at rest');
+  expect(text(Display, { ...stands, vel_act_deg_s: 2.8 })).not.toContain('at rest'); // a quick stop
+  expect(text(Display, { ...stands, vel_act_deg_s: null })).not.toContain('at rest');
   expect(text(Display, {})).not.toContain('at rest');
   expect(text(Display, { at_rest: false, time_left_s: 2.5 })).not.toContain('at rest');
   expect(text(Diagnosis, { blocked_by: '' })).toContain('Power can be switched on.');
@@ -342,6 +345,15 @@ test('a brake test is offered with power off, and its result keeps the sign of b
     show(BrakeTest, {}, { ...ready, brake_test_limit_deg: 0.1, brake_test_moved_deg });
     return document.querySelector('.bar.bad') !== null;
   };
+  // A dish permits 0.002 deg: what is told is what is permitted, neither 0.00 nor more.
+  for (const [limit, said] of [
+    [0.002, '0.002'],
+    [0.1885, '0.1885'],
+    [0.02, '0.02'],
+  ] as const) {
+    show(BrakeTest, {}, { ...ready, brake_test_level_nm: 5, brake_test_limit_deg: limit });
+    expect(document.body.textContent).toContain(`It may move ${said}°.`);
+  }
   expect([bad(0.099), bad(0.101), bad(-0.101), bad(-0.099)]).toEqual([false, true, true, false]);
 });
 

@@ -175,7 +175,9 @@ test('a step that moves takes two steps, also again; the one that was chosen is 
   vi.stubGlobal('fetch', () => Promise.resolve(new Response(JSON.stringify(board))));
   Element.prototype.scrollIntoView = () => {};
   const send = vi.spyOn(link, 'send').mockResolvedValue(DONE);
-  const armed = { armed_action: 'commission' as const, armed_client: 'c1', armed_left_s: 5 };
+  const armed = {
+    armed_action: 'commission' as const, armed_step: 'sign', armed_client: 'c1', armed_left_s: 5,
+  }; // prettier-ignore
   show(Commissioning, {}, { commissioning: 'waiting', commissioning_results: 1, ...armed });
   await vi.waitFor(() => expect(document.querySelector('.nextstep')).not.toBeNull());
   const next = (): string | null | undefined =>
@@ -189,8 +191,15 @@ test('a step that moves takes two steps, also again; the one that was chosen is 
     document.querySelectorAll<HTMLButtonElement>(`${keys} button`)[nth]?.click();
     flushSync();
   };
+  link.stale = false;
+  flushSync();
+  // Somebody has armed another step than the one that is shown: it is named, and nothing runs.
+  expect(document.querySelector('#commission-why')?.textContent).toContain('the step sign.');
+  expect(document.querySelectorAll<HTMLButtonElement>('.nextstep button')[1]?.disabled).toBe(true);
+  expect(document.querySelector('tr[data-key=loop] button')).toBeNull();
   click('tr[data-key=sign]', 0);
   await vi.waitFor(() => expect(next()).toBe('sign'));
+  expect(document.querySelector('tr[data-key=loop] button')?.textContent).toBe('Choose');
   expect(document.querySelectorAll('.nextstep button')).toHaveLength(2);
   click('.nextstep', 1);
   expect(send.mock.calls).toEqual([['commission_step', { step: 'sign' }]]);

@@ -2,7 +2,7 @@
 import { flushSync, mount, unmount, type Component } from 'svelte';
 import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 import { link } from '../src/lib/link.svelte';
-import { keys, motion, move, whyNot } from '../src/lib/rules';
+import { halting, keys, motion, move, whyNot } from '../src/lib/rules';
 import { sight } from '../src/lib/sight.svelte';
 import Commissioning from '../src/parts/Commissioning.svelte';
 import Login from '../src/parts/Login.svelte';
@@ -35,7 +35,7 @@ beforeEach(() => {
   link.welcome = {
     client: 'c1',
     place: 'console',
-    may: ['jog', 'move', 'power', 'halt', 'brake_test', 'set_speed'],
+    may: ['jog', 'move', 'power', 'halt', 'brake_test', 'commission', 'set_speed'],
   } as unknown as Welcome;
   link.tags = READY;
 });
@@ -96,6 +96,22 @@ describe('what starts motion', () => {
     expect([whyNot('jog', keys('continuous')), whyNot('move', move())]).toEqual(['', '']);
     tags({ speed_cap_deg_s: 3 });
     expect(whyNot('jog', keys('continuous'))).toBe('');
+  });
+
+  test('of an axis that knows no slower speed is not told to be slower', () => {
+    tags({ speed_cap_deg_s: 1, speed_setting_deg_s: 6, speed_min_deg_s: 6 });
+    expect(whyNot('jog', keys('continuous'))).toBe('why_cap_always');
+    tags({ speed_cap_deg_s: 1, speed_setting_deg_s: 6, speed_min_deg_s: 0.6 });
+    expect(whyNot('jog', keys('continuous'))).toBe('why_cap');
+  });
+
+  test('is not ended by Halt once an alarm stops it, and not called at rest then', () => {
+    tags({ axis_state: 'error_stop', at_rest: true });
+    expect(whyNot('halt', halting())).toBe('why_alarm');
+    tags({ axis_state: 'standstill', at_rest: true });
+    expect(whyNot('halt', halting())).toBe('why_at_rest');
+    tags({ axis_state: 'discrete_motion', at_rest: false });
+    expect(whyNot('halt', halting())).toBe('');
   });
 
   test('by hand is that of the mode in force', () => {
@@ -241,7 +257,9 @@ describe('the shift', () => {
     document.querySelector('form')!.dispatchEvent(new Event('submit', { cancelable: true }));
     expect(send.mock.calls).toEqual([['note', { line: 'belt greased' }]]);
     await vi.waitFor(() =>
-      expect(document.querySelector('[role=alert]')?.textContent).toBe('it was done, and is not kept'),
+      expect(document.querySelector('[role=alert]')?.textContent).toBe(
+        'JRN-03 · it was done, and is not kept',
+      ),
     );
     vi.unstubAllGlobals();
   });
@@ -284,6 +302,37 @@ describe('what is done in two steps', () => {
     expect(offered({ authority_client: 'c2' })).toEqual([false, false]);
     link.stale = true;
     expect(offered({})).toEqual([false, false]);
+  });
+
+  test('of commissioning is the step that was armed, and no other', () => {
+    const keys = (armed_step: string, second_person = false): boolean[] => {
+      tags({
+        armed_action: 'commission',
+        armed_client: 'c1',
+        armed_person: 'Ben',
+        armed_step,
+        second_person,
+      });
+      if (shown) void unmount(shown);
+      const title = (key: string): string => `the ${key}`;
+      const step = { key: 'sign', title };
+      show(TwoStep, { action: 'commission' as const, label: 'x', step, more: [], run: () => {} });
+      return [...document.querySelectorAll('button')].map((key) => !key.disabled);
+    };
+    const told = (): string => document.querySelector('#commission-why')?.textContent ?? '';
+    expect(keys('sign')).toEqual([true, true]);
+    expect(told()).toContain('the step the sign.');
+    expect(keys('turn')).toEqual([true, false]);
+    expect(told()).toContain('the step the turn.');
+    expect(told()).toContain('Another step is armed');
+    expect([keys('sign', true), keys('turn', true)]).toEqual([
+      [true, true],
+      [true, false],
+    ]);
+    const send = vi.spyOn(link, 'send').mockResolvedValue({ ok: true } as Reply);
+    document.querySelector('button')?.click();
+    expect(send.mock.calls).toEqual([['arm', { action: 'commission', step: 'sign' }]]);
+    send.mockRestore();
   });
 
   test('for two persons is armed by one and executed by another, whatever their screens', () => {

@@ -7,6 +7,7 @@ import {
   meant,
   read,
   refusal,
+  rests,
   sectors,
   usual,
   wayTo,
@@ -164,4 +165,22 @@ test('a line over the end of the turn goes on', () => {
 test('buttons are inside of what can be reached', () => {
   expect(usual(CABLE)).toEqual([-90, 0, 90]);
   expect(usual({ ...CABLE, reach_min_deg: -40, reach_max_deg: 40 })).toEqual([-30, -15, 0, 15, 30]);
+});
+
+test('of two angles that read alike one has a button: the one that is meant by what it shows', () => {
+  const wide: Known = { pos_min_deg: -270, pos_max_deg: 270, reach_min_deg: -270, reach_max_deg: 270 };
+  expect(usual({ ...wide, display: '-180..180' })).toEqual([-180, -90, 0, 90, 180]);
+  expect(usual({ ...wide, display: '0..360' })).toEqual([-90, 0, 90, 180]);
+  const turn: Known = { pos_min_deg: 0, pos_max_deg: 360, reach_min_deg: 0, reach_max_deg: 360 };
+  expect(usual({ ...turn, display: '0..360' })).toEqual([90, 180, 270]);
+});
+
+test('an axis is at rest when its set-point and the axis itself stand', () => {
+  const stands: Known = { at_rest: true, vel_act_deg_s: 0.01, speed_min_deg_s: 0.6 };
+  expect(rests(stands)).toBe(true);
+  // A quick stop has left its set-point behind.
+  expect(rests({ ...stands, vel_act_deg_s: -2.8 })).toBe(false);
+  expect(rests({ ...stands, vel_act_deg_s: 0.061 })).toBe(false);
+  expect(rests({ ...stands, vel_act_deg_s: null })).toBe(false);
+  expect(rests({ ...stands, at_rest: false })).toBe(false);
 });

@@ -476,7 +476,7 @@ RULES: Final[dict[type, Rules]] = {
             "_armed": lambda arming, roots: (
                 None
                 if arming._armed is None or arming._armed.epoch != roots.operator.authority.epoch
-                else (arming._armed.action, arming._armed.who)
+                else (arming._armed.action, arming._armed.step, arming._armed.who)
             )
         },
     ),

@@ -23,7 +23,7 @@ def do_before(service: Service, step: str) -> None:
         link.ask("take", over=True)
         for key in _ORDER[: _ORDER.index(step)]:
             before = link.look()["commissioning_results"]
-            link.ask("arm", action="commission")
+            link.ask("arm", action="commission", step=key)
             link.ask("commission_step", step=key)
             while link.look()["commissioning_results"] == before or link.tags["commissioning"] != "waiting":
                 link.alive()

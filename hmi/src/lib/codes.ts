@@ -485,6 +485,7 @@ export const WORDS: Record<string, string> = {
   KEY_TOO_LONG: "按键已按住 {limit:g} s，已达最长时间",
   ARM_FIRST: "{action} 未预备：请先预备，然后在 {limit:g} 秒内执行",
   OTHER_ARMS_FIRST: "{action} 未预备：须由另一人先预备，然后在 {limit:g} 秒内执行",
+  OTHER_STEP_ARMED: "步骤 {step} 未预备：{user} 预备的是步骤 {armed}",
   OTHER_EXECUTES: "{action} 由 {user} 预备：须由另一人执行",
   PERSON_UNKNOWN: "需要两人，但不知 {user} 是谁的账号：请用 `gantryctl user add {user}` 说明",
   BEING_COMMISSIONED: "轴正在调试中：请先结束调试",

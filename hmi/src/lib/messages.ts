@@ -21,6 +21,11 @@ export function answered(reply: Pick<Reply, 'code' | 'text' | 'values'>): string
   return said([reply], reply.text);
 }
 
+/** The same with its code, which `gantryctl explain` and the journal know. */
+export function coded(reply: Pick<Reply, 'code' | 'text' | 'values'>): string {
+  return reply.code ? `${reply.code} · ${answered(reply)}` : answered(reply);
+}
+
 /** A message that the page itself has made: with its code, and in the words of the service. */
 export function made(message: Message): string {
   return prefs.language === 'zh' ? inChinese(message) : inEnglish(message);

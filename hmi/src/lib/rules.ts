@@ -45,17 +45,29 @@ function fast(): boolean {
   return speed != null && cap != null && speed > cap + 1e-9;
 }
 
-function capped(): boolean {
-  return fast() && link.tags.enabling_switch !== true;
+/** Of an axis whose slowest setting is faster still, no lower speed helps. */
+function capped(counts = true): [boolean, Key] {
+  const { speed_min_deg_s: slowest, speed_cap_deg_s: cap, enabling_switch } = link.tags;
+  const always = slowest != null && cap != null && slowest > cap + 1e-9;
+  return [counts && fast() && enabling_switch !== true, always ? 'why_cap_always' : 'why_cap'];
+}
+
+/** A motion of the set-point that can be ended: a stop that an alarm has begun takes its own course. */
+export function halting(): [boolean, Key][] {
+  const { at_rest, axis_state } = link.tags;
+  return [
+    [axis_state === 'error_stop', 'why_alarm'],
+    [at_rest === true, 'why_at_rest'],
+  ];
 }
 
 /** Conditions of a move to an angle: from a remote screen the cap holds as it does for the keys. */
 export function move(): [boolean, Key][] {
-  return [...motion(), [link.welcome?.place === 'remote' && capped(), 'why_cap']];
+  return [...motion(), capped(link.welcome?.place === 'remote')];
 }
 
 /** Mode and speed conditions of the keys and of increments. */
 export function keys(mode: 'continuous' | 'incremental'): [boolean, Key][] {
   const wrong: Key = mode === 'continuous' ? 'why_continuous' : 'why_incremental';
-  return [...motion(), [link.tags.mode !== mode, wrong], [capped(), 'why_cap']];
+  return [...motion(), [link.tags.mode !== mode, wrong], capped()];
 }

@@ -82,7 +82,7 @@ export interface Tags {
   target_deg: number | null;
   /** Time until the plan ends; 0 at rest, null for one without end. [s] */
   time_left_s: number | null;
-  /** Way to rest if the key were released or Stop pressed now. [deg] */
+  /** Way to rest if the key were released or Stop pressed now; of a quick stop under way, its own. [deg] */
   stopping_angle_deg: number | null;
   /** Longest way to rest from these values if the page were gone while a key is held: speed setting x lease, then the jog-release ramp. [deg] */
   key_lost_angle_deg: number | null;
@@ -216,6 +216,8 @@ export interface Tags {
   acc_setting_deg_s2: number | null;
   /** The armed action: the next step executes it. */
   armed_action: 'none' | 'brake_test' | 'reset_locked' | 'commission' | null;
+  /** `key` of the armed step of commissioning; empty with anything else. */
+  armed_step: string | null;
   /** User who armed it; empty with nothing armed. */
   armed_by: string | null;
   /** Person whose account that is; empty with nothing armed. */
@@ -381,7 +383,7 @@ export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boo
 export interface Commands {
   acknowledge: { id: number };
   alive: Record<string, never>;
-  arm: { action: 'brake_test' | 'reset_locked' | 'commission' };
+  arm: { action: 'brake_test' | 'reset_locked' | 'commission'; step?: string };
   commission_begin: Record<string, never>;
   mode: { mode: 'none' | 'continuous' | 'incremental' };
   commission_end: Record<string, never>;

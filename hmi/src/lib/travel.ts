@@ -10,6 +10,8 @@ export type Way = 'shortest' | 'positive' | 'negative' | 'current';
 
 /** An axis that settles at 0 does not show 360: the turn begins a little below. */
 const EDGE_DEG = 0.005;
+/** Of the slowest setting: below it is what an encoder and a load that swings out show of an axis that stands. */
+const REST_SHARE = 0.1;
 /** Beyond it a target of a turning axis may have been meant as a way. */
 const TURN_MAX_DEG = 360;
 
@@ -191,9 +193,19 @@ function marks(from: number, to: number, step: number): number[] {
   return Array.from({ length: count }, (_, i) => (first + i) * step);
 }
 
+/** It stands, as far as is known: a quick stop leaves a set-point behind that stands while the axis still moves. */
+export function rests(tags: Known): boolean {
+  const { at_rest, vel_act_deg_s: vel, speed_min_deg_s: slowest } = tags;
+  return at_rest === true && vel != null && Math.abs(vel) <= REST_SHARE * (slowest ?? 0);
+}
+
 /** Angles that are worth a button: inside of what the set-point can reach, not its ends. */
 export function usual(tags: Known): number[] {
   const { low: bottom, high: top } = reach(tags);
   if (!Number.isFinite(bottom)) return steps(low(tags), low(tags) + 360 - EDGE_DEG, 5);
-  return steps(bottom + EDGE_DEG, top - EDGE_DEG, 5);
+  // Of two angles that read alike the button can mean one: the one that is meant where it is typed.
+  const found = steps(bottom + EDGE_DEG, top - EDGE_DEG, 5);
+  const alike = (angle: number): boolean =>
+    found.some((each) => each !== angle && read(each, tags) === read(angle, tags));
+  return found.filter((angle) => !alike(angle) || meant(read(angle, tags) ?? angle, tags) === angle);
 }

@@ -93,7 +93,8 @@ class Tags:
     time_left_s: float | None
     """Time until the plan ends; 0 at rest, None for one without end. [s]"""
     stopping_angle_deg: float | None
-    """Way to rest if the key were released or Stop pressed now. [deg]"""
+    """Way to rest if the key were released or Stop pressed now; of a quick stop under way, its own.
+    [deg]"""
     key_lost_angle_deg: float | None
     """Longest way to rest from these values if the page were gone while a key is held: speed setting x
     lease, then the jog-release ramp. [deg]"""
@@ -265,6 +266,8 @@ class Tags:
     """Acceleration and deceleration of normal motion. [deg/s2]"""
     armed_action: Literal["none", "brake_test", "reset_locked", "commission"]
     """The armed action: the next step executes it."""
+    armed_step: str
+    """`key` of the armed step of commissioning; empty with anything else."""
     armed_by: str
     """User who armed it; empty with nothing armed."""
     armed_person: str

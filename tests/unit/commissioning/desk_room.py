@@ -78,7 +78,7 @@ class Room:
         """A step that has begun, as its thread gets it."""
         assert self.ask(who, "take", over=False) == ""
         if key != "identity":
-            assert self.ask(who, "arm", action="commission") == ""
+            assert self.ask(who, "arm", action="commission", step=key) == ""
         assert self.ask(who, "commission_step", step=key) == ""
         step = self.desk.next_order()
         assert step is not None

@@ -129,8 +129,29 @@ def test_where_a_second_person_is_wanted_another_one_arms(
     room = Room(work, second_person=True)
     monkeypatch.setattr(room.board, "check_turn", lambda step: None)
     assert room.ask(anna, "take", over=False) == ""
-    assert room.ask(otto if armed_by == "otto" else anna, "arm", action="commission") == ""
+    assert room.ask(otto if armed_by == "otto" else anna, "arm", action="commission", step="velocity") == ""
     assert room.ask(anna, "commission_step", step="velocity") == code
+
+
+@pytest.mark.parametrize("second_person", [False, True])
+def test_only_the_step_that_was_armed_may_run(
+    work: Commissioning, monkeypatch: pytest.MonkeyPatch, second_person: bool
+) -> None:
+    """Who armed has read what that step could move: of the slow turn, all of the travel."""
+    anna, otto = (Identity(name, name, Role.SERVICE, "console", name) for name in ("anna", "otto"))
+    room = Room(work, second_person=second_person)
+    monkeypatch.setattr(room.board, "check_turn", lambda step: None)
+    armer = otto if second_person else anna
+    assert room.ask(anna, "take", over=False) == ""
+    assert room.ask(armer, "arm", action="commission", step="velocity") == ""
+    assert room.ask(anna, "commission_step", step="stops") == "SEC-10"
+    # The one that was armed still may: a refusal uses nothing up.
+    assert room.ask(anna, "commission_step", step="velocity") == ""
+
+
+def test_a_step_that_the_page_does_not_have_is_not_armed(free_room: Room) -> None:
+    assert free_room.ask(ANNA, "arm", action="commission", step="accuracy") == "CTL-14"
+    assert free_room.tags["armed_action"] == "none"
 
 
 def test_a_note_can_be_written_while_a_step_runs(room: Room) -> None:
@@ -175,16 +196,16 @@ def test_a_step_that_moves_is_armed_at_the_console(free_room: Room) -> None:
     room = free_room
     assert room.ask(ANNA, "take", over=False) == ""
     assert room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
-    assert room.ask(ANNA, "arm", action="commission") == ""
+    assert room.ask(ANNA, "arm", action="commission", step="velocity") == ""
     room.go(1.01 * ARMED_S)
     assert room.ask(ANNA, "commission_step", step="velocity") == "SEC-10", "too late"
     # A stop by anybody in between: what was armed is void.
-    assert room.ask(ANNA, "arm", action="commission") == ""
+    assert room.ask(ANNA, "arm", action="commission", step="velocity") == ""
     assert room.ask(VIEWER, "stop") == ""
     assert room.ask(ANNA, "commission_step", step="velocity") == "SEC-10"
     assert room.ask(ANNA, "give") == ""
     assert room.ask(REMOTE, "take", over=False) == ""
-    assert room.ask(REMOTE, "arm", action="commission") == ""
+    assert room.ask(REMOTE, "arm", action="commission", step="velocity") == ""
     assert room.ask(REMOTE, "commission_step", step="velocity") == "CTL-14", "not beside the machine"
     # What moves nothing may be begun from anywhere.
     assert room.ask(REMOTE, "commission_step", step="identity") == ""

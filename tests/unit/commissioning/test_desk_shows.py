@@ -121,8 +121,9 @@ def test_what_is_armed_and_a_new_board_are_shown_at_once(free_room: Room) -> Non
     assert free_room.ask(ANNA, "take", over=False) == ""
     before = free_room.tags
     assert (before["armed_action"], before["commissioning_results"]) == ("none", 1)
-    assert free_room.ask(ANNA, "arm", action="commission") == ""
-    assert free_room.tags["armed_action"] == "commission"
+    assert free_room.ask(ANNA, "arm", action="commission", step="velocity") == ""
+    tags = free_room.tags
+    assert (before["armed_step"], tags["armed_action"], tags["armed_step"]) == ("", "commission", "velocity")
     free_room.board.show(free_room.work)
     assert free_room.tags["commissioning_results"] == 2
 

@@ -41,6 +41,22 @@ def test_every_cell_of_who_may_execute_what_anna_has_armed(
     assert allowed(armed(second_person=second_person), action, who) is wanted
 
 
+@pytest.mark.parametrize(
+    ("armed", "step", "wanted"), [("turn", "turn", True), ("sign", "turn", False), ("", "turn", False)]
+)
+def test_a_step_of_commissioning_is_executed_as_it_was_armed(armed: str, step: str, wanted: bool) -> None:
+    arming = Arming(second_person=True)
+    arming.arm(Action.COMMISSION, ANNA, 7, 100.0, armed)
+    now = arming.now(7, 101.0)
+    if wanted:
+        check_armed(now, Action.COMMISSION, BELA, step, second_person=True)
+    else:
+        with pytest.raises(
+            MessageRefused, match=f"the step {step} is not armed: anna has armed the step {armed}"
+        ):
+            check_armed(now, Action.COMMISSION, BELA, step, second_person=True)
+
+
 def test_it_is_executed_once() -> None:
     arming = armed()
     arming.use()

@@ -137,6 +137,31 @@ def test_a_refusal_carries_the_number_of_its_message() -> None:
     assert refused.value.seq == 12
 
 
+@pytest.mark.parametrize(
+    ("action", "step", "said"),
+    [
+        ("commission", None, "'step' is missing"),
+        ("commission", "", "'step' is missing"),
+        ("brake_test", "sign", "'step'"),
+        ("commission", "sign!", "'step'"),
+        ("commission", "sign", ""),
+        ("brake_test", "", ""),
+        ("reset_locked", None, ""),
+    ],
+)
+def test_a_step_is_armed_with_commissioning_and_with_nothing_else(
+    action: str, step: str | None, said: str
+) -> None:
+    frame = '"frame":"1-0123456789abcdef","epoch":1'
+    text = f'{{"type":"arm","seq":12,{frame},"action":"{action}"'
+    text += "}" if step is None else f',"step":"{step}"}}'
+    if not said:
+        assert parse(text).values.get("step", "") == (step or "")
+        return
+    with pytest.raises(MessageRefused, match=said):
+        parse(text)
+
+
 def test_words_of_messages_are_those_of_the_tables() -> None:
     def words(model: type[Any], name: str) -> list[str]:
         return list(model.model_json_schema()["properties"][name]["enum"])

@@ -242,6 +242,7 @@ SLOW_BY_HAND: dict[str, Any] = {
     "authority_client": "c7",
     "authority_local": False,
     "armed_action": "brake_test",
+    "armed_step": "",
     "armed_by": "serena",
     "armed_person": "p-serena",
     "armed_client": "c8",
@@ -308,6 +309,35 @@ def test_every_slow_tag_shows_its_own_part(desk: Desk) -> None:
     desk.axis.refusal = None
     shown = publisher_of(desk).slow()
     assert (shown["refusal_text"], shown["refusal_messages"]) == ("", [])
+
+
+def test_what_the_program_has_against_power_is_told_with_its_words(desk: Desk) -> None:
+    """As `power` would be refused: where this is empty, a page offers the button and says that power can come."""
+    axis = desk.axis
+    assert publisher_of(desk).slow()["blocked_by"] == ""
+    axis.feedback.inputs = axis.feedback.inputs._replace(mains_ready=False)
+    shown = publisher_of(desk).slow()
+    assert shown["blocked_by"] == "the mains are not ready"
+    assert shown["blocked_by_messages"] == [{"words": "MAINS_NOT_READY", "values": {}}]
+    # A latched alarm is named before the input that caused it, and a reason of this run before both.
+    axis.alarms.raise_(Code.INT_06, measured=Words.AT_SPEED(value=12.0, speed=3.0))
+    shown = publisher_of(desk).slow()
+    assert shown["blocked_by"] == (
+        "INT-06 is latched (Quick stop by the operator at 12.00 deg, 3.00 deg/s): reset first"
+    )
+    assert shown["blocked_by_messages"][0]["words"] == "LATCHED"
+    desk.permit.reasons = (Reason(Code.SYS_12, {"stopped_by": "BRK-04"}, ClearedBy.SERVICE),)
+    assert publisher_of(desk).slow()["blocked_by"].startswith("SYS-12 · ")
+
+
+def test_the_way_of_a_quick_stop_under_way_is_told_as_the_stopping_angle(desk: Desk) -> None:
+    """It has left the set-point, which stands: 2.5 deg/s at 5.4 deg/s2 are 0.5787 deg, and 0 would be untrue."""
+    axis = desk.axis
+    axis.virtual.following, axis.virtual.at_rest = False, True
+    axis.feedback.vel_rad_s = -2.5 * DEG
+    assert published(desk)["stopping_angle_deg"] == pytest.approx(0.578704, abs=1e-6)
+    axis.feedback.vel_rad_s = 0.0
+    assert published(desk)["stopping_angle_deg"] == 0.0
 
 
 def test_limits_are_those_in_force_and_not_of_the_file(desk: Desk) -> None:

@@ -50,7 +50,8 @@ MESSAGES: tuple[dict[str, Any], ...] = (
     {"type": "acknowledge", "id": 1},
     {"type": "note", "line": "the door is repaired"},
     *({"type": "set", "tag": tag, "value": 1.0} for tag in SETTABLE),
-    *({"type": "arm", "action": action} for action in ARMABLE),
+    *({"type": "arm", "action": action} for action in ARMABLE if action != "commission"),
+    {"type": "arm", "action": "commission", "step": "velocity"},
     {"type": "brake_test"},
 )
 

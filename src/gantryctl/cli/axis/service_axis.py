@@ -433,7 +433,8 @@ def brake_due(machine: Machine, tags: Tags) -> BrakeDue:
 
 def held_codes(tags: Tags) -> list[str]:
     """Codes of what holds the axis; of an earlier stop, that of its alarm."""
-    reasons = [row for row in tags["blocked_by_messages"] if isinstance(row, dict)]
+    # What the axis itself says is words: what stopped it is among the alarms.
+    reasons = [row for row in tags["blocked_by_messages"] if isinstance(row, dict) and "reason" in row]
     return [row["code"] for row in tags["alarms"]] + [
         row["values"].get("stopped_by", row["reason"]) for row in reasons
     ]

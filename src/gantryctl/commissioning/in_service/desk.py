@@ -271,7 +271,8 @@ class Desk:
             case "give":
                 self._free(who.client, "gave it back")
             case "arm" if values["action"] == "commission":
-                self.arming.arm(ARMABLE["commission"], who, now.epoch, now.time_s)
+                step = self.board.step(values["step"])
+                self.arming.arm(ARMABLE["commission"], who, now.epoch, now.time_s, step.key)
             case "commission_step":
                 self._begin(self.board.step(values["step"]), who, now)
             case "commission_end":
@@ -289,7 +290,7 @@ class Desk:
         self.board.check_turn(step)
         if step.reach is not Reach.NOTHING:
             self._refuse_unless(not who.remote, Words.STEP_AT_CONSOLE)
-            check_armed(now.armed, Action.COMMISSION, who, second_person=now.second_person)
+            check_armed(now.armed, Action.COMMISSION, who, step.key, second_person=now.second_person)
             self.arming.use()
         self.halt = Halt(listens=True)
         self._beginner = who

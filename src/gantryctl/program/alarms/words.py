@@ -796,6 +796,10 @@ class Words(Enum):
         "{action} is not armed: another person must arm it first, then execute within {limit:g} s",
         "{action} 未预备：须由另一人先预备，然后在 {limit} 秒内执行",
     )
+    OTHER_STEP_ARMED = (
+        "the step {step} is not armed: {user} has armed the step {armed}",
+        "步骤 {step} 未预备：{user} 预备的是步骤 {armed}",
+    )
     OTHER_EXECUTES = (
         "{action} was armed by {user}: another person must execute it",
         "{action} 由 {user} 预备：须由另一人执行",

@@ -12,12 +12,17 @@ from gantryctl.service.protocol.roles import Action
 
 
 class Armed(NamedTuple):
-    """The armed action, who armed it, its epoch, and its end on the monotonic clock."""
+    """The armed action, who armed it, its epoch, and its end on the monotonic clock.
+
+    Attributes:
+        step: the step of commissioning, empty for another action.
+    """
 
     action: Action
     who: Identity
     epoch: int
     until_s: float
+    step: str = ""
 
 
 class Arming:
@@ -33,11 +38,11 @@ class Arming:
         self._armed: Armed | None = None
 
     # Arming needs no control, for taking control would begin a new epoch and end it (decision 0014).
-    def arm(self, action: Action, who: Identity, epoch: int, now_s: float) -> None:
+    def arm(self, action: Action, who: Identity, epoch: int, now_s: float, step: str = "") -> None:
         """Arm an action in place of the one before; SEC-10 where two persons are needed and this one is not known."""
         if self.second_person:
             _check_known(who)
-        self._armed = Armed(action, who, epoch, now_s + ARMED_S)
+        self._armed = Armed(action, who, epoch, now_s + ARMED_S, step)
 
     def now(self, epoch: int, now_s: float) -> Armed | None:
         """Forget an action that is too old or of another epoch; return the one that is armed."""
@@ -66,11 +71,17 @@ class Arming:
             self._armed = None
 
 
-def check_armed(armed: Armed | None, action: Action, who: Identity, *, second_person: bool) -> None:
+def check_armed(
+    armed: Armed | None, action: Action, who: Identity, step: str = "", *, second_person: bool
+) -> None:
     """Refuse with SEC-10 an execution that this person may not begin now."""
     if armed is None or armed.action is not action:
         first = Words.OTHER_ARMS_FIRST if second_person else Words.ARM_FIRST
         raise MessageRefused(Code.SEC_10, reason=first(action=action, limit=ARMED_S))
+    # Who armed it has seen what that step could move, and no other.
+    if armed.step != step:
+        words = Words.OTHER_STEP_ARMED(step=step, user=armed.who.user, armed=armed.step)
+        raise MessageRefused(Code.SEC_10, reason=words)
     if second_person:
         _check_known(who)
     if second_person and armed.who.person == who.person:

@@ -252,7 +252,8 @@ class ServiceOperator:
                 self._change(values)
                 return bool(values["tag"] != "override_percent")  # which may let a motion go on
             case "arm":
-                self.arming.arm(ARMABLE[values["action"]], who, now.epoch, now_s)
+                step = values.get("step", "")
+                self.arming.arm(ARMABLE[values["action"]], who, now.epoch, now_s, step)
             case "acknowledge":
                 self._acknowledge(values["id"], who)
             case "power":

@@ -11,6 +11,7 @@ from gantryctl.machine import Machine, is_reference_machine, short_hash
 from gantryctl.machine.tables.axis import ENDS
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.log import messages_to_wire
+from gantryctl.program.axis.permission import why_no_torque
 from gantryctl.runtime import Engine
 from gantryctl.service.command.arming import Armed
 from gantryctl.service.command.operator import ServiceOperator
@@ -114,7 +115,7 @@ class Publisher:
         levels = operator.levels
         shown = (
             operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
-            levels.override, self._axis.virtual.ramps.acc_rad_s2, operator.permit.blocked_by,
+            levels.override, self._axis.virtual.ramps.acc_rad_s2, self._blocked_by(),
             self._axis.refusal_count, self._armed(), operator.permit.reset_locked, self._brake.changed,
         )  # fmt: skip
         if due or shown != self._shown:
@@ -142,6 +143,7 @@ class Publisher:
             low, high = ref + deg(stretch.low_rad - ref_rad), ref + deg(stretch.high_rad - ref_rad)
         elif travel.endless:
             low = high = math.nan
+        quick_deg = deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2)
         widening_rad = monitors.following_error_per_speed_s * abs(virtual.vel_ref_rad_s)
         return {
             "pos_act_deg": pos,
@@ -156,9 +158,10 @@ class Publisher:
             "overload": feedback.overload,
             "target_deg": deg(travel.shown_rad(end_rad)) if virtual.following else pos,
             "time_left_s": max(0.0, axis.plan_end_s - engine.time_s) if virtual.following else 0.0,
-            "stopping_angle_deg": deg(axis.stopping_angle_rad()),
+            # A quick stop has left the set-point, which stands.
+            "stopping_angle_deg": deg(axis.stopping_angle_rad()) if virtual.following else quick_deg,
             "key_lost_angle_deg": deg(self._program.key_lost_angle_rad()),
-            "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
+            "quick_stop_angle_deg": quick_deg,
             "travel_left_minus_deg": math.nan if travel.endless else pos - low,
             "travel_left_plus_deg": math.nan if travel.endless else high - pos,
             "reach_min_deg": low,
@@ -192,6 +195,14 @@ class Publisher:
             "motion_permit": fitted(feedback.inputs.motion_permit),
             "estop_ok_2": fitted(feedback.inputs.estop_ok_2),
         }
+
+    def _blocked_by(self) -> tuple[object, ...]:
+        """Why power would be refused: reasons of this run before those of the program."""
+        permit, axis = self._operator.permit, self._axis
+        if permit.blocked_by:
+            return permit.blocked_by
+        refused = why_no_torque(axis.feedback, axis.alarms)
+        return () if refused is None else (refused.values["reason"],)
 
     def _armed(self) -> Armed | None:
         operator = self._operator
@@ -237,6 +248,7 @@ class Publisher:
         """Everything else but the alarms, as JSON values."""
         operator, axis = self._operator, self._axis
         moment, angle = self._model.eccentric()
+        blocked_by = self._blocked_by()
         return {
             **self._fixed,
             **self._statistics,
@@ -247,8 +259,8 @@ class Publisher:
             "reset_locked": operator.permit.reset_locked,
             "mode": Mode(self._program.mode).name.lower(),
             **{tag: rounded(operator.setting(tag)) for tag in SETTABLE},
-            "blocked_by": str(operator.permit.blocked_by),
-            "blocked_by_messages": messages_to_wire(*operator.permit.blocked_by),
+            "blocked_by": "; ".join(map(str, blocked_by)),
+            "blocked_by_messages": messages_to_wire(*blocked_by),
             "eccentric_moment_nm": rounded(moment),
             "eccentric_angle_deg": rounded(deg(angle)),
             "refusal_text": f"{axis.refusal.code} · {axis.refusal.text}" if axis.refusal else "",
@@ -328,6 +340,7 @@ def control_tags(holder: Identity | None, armed: Armed | None, *, second_person:
         "authority_client": holder.client if holder else "",
         "authority_local": bool(holder and holder.local),
         "armed_action": str(armed.action) if armed else "none",
+        "armed_step": armed.step if armed else "",
         "armed_by": armed.who.user if armed else "",
         "armed_person": armed.who.person if armed else "",
         "armed_client": armed.who.client if armed else "",

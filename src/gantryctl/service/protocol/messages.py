@@ -6,7 +6,16 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from gantryctl.errors import GantryctlError
 from gantryctl.program.alarms.codes import Code
@@ -264,6 +273,24 @@ class Arm(Timed):
 
     type: Literal["arm"]
     action: Literal["brake_test", "reset_locked", "commission"]
+    step: Annotated[
+        str,
+        Field(
+            pattern="^[a-z]{0,20}$",
+            validate_default=True,
+            description="with `commission`, and with it alone: `key` of the step that may run then",
+        ),
+    ] = ""
+
+    @field_validator("step")
+    @classmethod
+    def _of_commissioning(cls, step: str, others: ValidationInfo) -> str:
+        wanted = others.data.get("action") == "commission"
+        if bool(step) != wanted:
+            raise PydanticCustomError(
+                "missing" if wanted else "extra_forbidden", "commission alone has a step"
+            )
+        return step
 
 
 class StartBrakeTest(Timed):

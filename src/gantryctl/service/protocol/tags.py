@@ -87,7 +87,8 @@ _MOTION: Final = (
     _may("overload", "", "float", "20 Hz", "Part of the drive's overload budget used, 0..1."),
     _may("target_deg", "deg", "float", "20 Hz", "End of the present set-point plan; null for one without end."),
     _may("time_left_s", "s", "float", "20 Hz", "Time until the plan ends; 0 at rest, null for one without end."),
-    _may("stopping_angle_deg", "deg", "float", "20 Hz", "Way to rest if the key were released or Stop pressed now."),
+    _may("stopping_angle_deg", "deg", "float", "20 Hz",
+         "Way to rest if the key were released or Stop pressed now; of a quick stop under way, its own."),
     _may("key_lost_angle_deg", "deg", "float", "20 Hz",
          "Longest way to rest from these values if the page were gone while a key is held: speed setting x lease, then "
          "the jog-release ramp."),
@@ -174,6 +175,8 @@ _AUTHORITY: Final = (
 
 _ARMED: Final = (
     _out("armed_action", "", "enum", "on change", "The armed action: the next step executes it.", ("none", *ARMABLE)),
+    _out("armed_step", "", "text", "on change",
+         "`key` of the armed step of commissioning; empty with anything else."),
     _out("armed_by", "", "text", "on change", "User who armed it; empty with nothing armed."),
     _out("armed_person", "", "text", "on change", "Person whose account that is; empty with nothing armed."),
     _out("armed_client", "", "text", "on change", "Client id of the user who armed it."),
