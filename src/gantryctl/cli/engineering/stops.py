@@ -17,7 +17,7 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.report import head_of, report_options
-from gantryctl.cli.text import print_table
+from gantryctl.cli.text import paragraph, print_table
 from gantryctl.cli.values import FINITE
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _table(machine: Machine, speeds: tuple[float, ...], out: Path | None, as_jso
     from gantryctl.engineering.stops.data import stops_data
     from gantryctl.engineering.stops.measured import measured_stops
     from gantryctl.engineering.stops.page import quick_within, render_stops
-    from gantryctl.engineering.stops.text import key_lines, stops_note, stops_text, watch_lines
+    from gantryctl.engineering.stops.text import key_lines, stops_notes, stops_text, watch_lines
     from gantryctl.operation.store import state_root
 
     rows = stop_table(machine, speeds or None)
@@ -95,9 +95,8 @@ def _table(machine: Machine, speeds: tuple[float, ...], out: Path | None, as_jso
         print_json(stops_data(machine, rows, measured))
     else:
         print_table(stops_text(rows))
-        click.echo(stops_note(machine, measured))
-        for line in (*key_lines(machine, rows), *watch_lines(machine, rows)):
-            click.echo(line)
+        for line in (*stops_notes(machine, measured), *key_lines(machine, rows), *watch_lines(machine, rows)):
+            paragraph(line)
     if out is not None:
         page = write_text(
             directory(out) / "report.html", render_stops(machine, rows, measured, head_of(machine, made))

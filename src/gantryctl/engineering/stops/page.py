@@ -13,7 +13,7 @@ from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.engineering.report.recording import recorded
 from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopClass, StopRow, log_stop
-from gantryctl.engineering.stops.text import key_lines, stops_note, stops_text, watch_lines
+from gantryctl.engineering.stops.text import key_lines, stops_notes, stops_text, watch_lines
 from gantryctl.machine import Machine
 from gantryctl.machine.places import heaviest_deg
 from gantryctl.units import deg
@@ -59,7 +59,7 @@ def render_stops(
     ]
     speed = max(row.stop.speed_deg_s for row in rows)
     sections = [
-        Section("Stops", stops_note(machine, measured).splitlines(), [stops_text(rows)]),
+        Section("Stops", stops_notes(machine, measured), [stops_text(rows)]),
         Section("Held key without its page", key_lines(machine, rows)),
         Section("Silent controller", watch_lines(machine, rows)),
         Section("As they run", figures=[recorded(_picture(machine, speed), "stops")]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any, Final
 
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.text import TextTable, decimals, figure
@@ -17,13 +18,15 @@ from gantryctl.machine import Machine, required_stopping_angle
 from gantryctl.machine.places import heaviest_deg
 from gantryctl.machine.rules.reaction import REACTION_S
 
-_NOTE = """All figures of the table are {origin}, on the full plant of the machine file; {measured}.
-Worst of four stops each (at {at} deg, both directions), with an eccentric moment of {moment:g} kN m.
-Angle and time: until the motor stands (below {rest:.2g} deg/s); the load goes on swinging, and is calm when the
-envelope of its swing is below 0.05 deg/s. kJ: what motor and brake lining take; friction takes the rest.
-+ {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
-Required by {source}.
-Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards."""
+_NOTES: Final = (
+    "All figures of the table are {origin}, on the full plant of the machine file; {measured}.",
+    "Worst of four stops each (at {at} deg, both directions), with an eccentric moment of {moment:g} kN m.",
+    "Angle and time: until the motor stands (below {rest:.2g} deg/s); the load goes on swinging, and is calm when the "
+    "envelope of its swing is below 0.05 deg/s. kJ: what motor and brake lining take; friction takes the rest.",
+    "Column + {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.",
+    "Required by {source}.",
+    "Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards.",
+)
 
 
 def stops_text(rows: Sequence[StopRow]) -> TextTable:
@@ -109,10 +112,10 @@ def key_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
     ]
 
 
-def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
-    """Origin and meaning of the columns, the permitted values, and what commissioning has measured."""
+def stops_notes(machine: Machine, measured: MeasuredStops | None) -> list[str]:
+    """Origin and meaning of the columns, the permitted values, and what commissioning has measured; a paragraph each."""
     required = required_stopping_angle(machine)
-    return _NOTE.format(
+    values: dict[str, Any] = dict(
         at=" and ".join(map(machine.axis.dial.text, heaviest_deg(machine))),
         origin=Origin.SIMULATED,
         measured=_measured(measured),
@@ -124,6 +127,7 @@ def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
         torque=machine.motor.torque_max_nm,
         reducer=machine.reducer.torque_momentary_nm / 1e3,
     )
+    return [note.format(**values) for note in _NOTES]
 
 
 def _measured(stops: MeasuredStops | None) -> str:

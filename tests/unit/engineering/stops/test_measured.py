@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.engineering.stops.measured import MeasuredStops, measured_stops
-from gantryctl.engineering.stops.text import stops_note
+from gantryctl.engineering.stops.text import stops_notes
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.operation.ledger.acceptance import proven_hash
 from gantryctl.operation.proofs import CommissioningRecord, record_path, store_record
@@ -28,15 +28,16 @@ def test_measured_stops_come_from_the_record(tmp_path: Path) -> None:
     store_record(record_path(tmp_path, MACHINE), RECORD)
     found = measured_stops(MACHINE, tmp_path)
     assert found == MeasuredStops("2026-11-01", "A. Person", 5.297, 0.052)
-    note = stops_note(MACHINE, found)
-    assert "All figures of the table are simulated" in note
-    assert (
-        "measured by A. Person on 2026-11-01: quick stop 5.30 deg/s2, a silent controller's axis stops after 52 ms"
-        in note
+    first, *others = stops_notes(MACHINE, found)
+    assert first == (
+        "All figures of the table are simulated, on the full plant of the machine file; measured by A. Person on "
+        "2026-11-01: quick stop 5.30 deg/s2, a silent controller's axis stops after 52 ms."
     )
-    assert "nothing was measured on this machine" in stops_note(MACHINE, None)
+    # A page shows each as a paragraph: half a sentence is none.
+    assert all(note[0].isupper() and note.endswith(".") for note in others)
+    assert "nothing was measured on this machine" in stops_notes(MACHINE, None)[0]
     store_record(record_path(tmp_path, MACHINE), replace(RECORD, measured={}))
-    assert "2026-11-01: nothing" in stops_note(MACHINE, measured_stops(MACHINE, tmp_path))
+    assert stops_notes(MACHINE, measured_stops(MACHINE, tmp_path))[0].endswith("2026-11-01: nothing.")
 
 
 def test_a_record_of_another_configuration_says_nothing_of_this_one(tmp_path: Path) -> None:
