@@ -113,7 +113,7 @@ def key_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
 
 
 def stops_notes(machine: Machine, measured: MeasuredStops | None) -> list[str]:
-    """Origin and meaning of the columns, the permitted values, and what commissioning has measured; a paragraph each."""
+    """Origin and meaning of the columns, the permitted values, and what was measured; a paragraph each."""
     required = required_stopping_angle(machine)
     values: dict[str, Any] = dict(
         at=" and ".join(map(machine.axis.dial.text, heaviest_deg(machine))),
