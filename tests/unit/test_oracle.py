@@ -10,6 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from gantryctl.engineering.fault_campaign.machines import base_machine
+from gantryctl.engineering.faults.limits import runs_out_deg
 from gantryctl.engineering.faults.oracle import limits
 from gantryctl.engineering.faults.oracle.asked import Asked
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle, Violation
@@ -20,7 +22,7 @@ from gantryctl.engineering.faults.oracle.stretch import stretch_around
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, Mode, OutputImage
-from gantryctl.machine import default_machine
+from gantryctl.machine import default_machine, with_values
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm, Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -586,3 +588,64 @@ def test_a_cause_that_lasts_keeps_its_onset() -> None:
     assert [at(100), at(500), at(600, feedback=True), at(700, feedback=True), at(800), at(3700)] == [
         100, 100, 600, 600, 600, 3700,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("lasts_s", "ms", "belongs"),
+    [
+        (0.5, 600, True),
+        (0.5, 1600, False),
+        (2.4, 2900, True),
+        (math.inf, 2900, True),
+        (math.inf, 3200, False),
+    ],
+)
+def test_a_fault_that_is_over_explains_no_alarm_a_second_later(
+    lasts_s: float, ms: int, belongs: bool
+) -> None:
+    """Behind it the axis moves soundly, and what stops it then has a cause of its own."""
+    known = KnownFaults()
+    begun = Instant(100, 0.0, 0.0, energised=True, brake_open=True)
+    known.inject(begun, Effect(feedback=True, at_once=True), lasts_s)
+    assert (known.recent_onset(ms) is not None) is belongs
+    assert known.of_feedback(ms) is belongs
+
+
+def test_a_fault_that_comes_again_goes_on() -> None:
+    known = KnownFaults()
+    for ms in (100, 1000):
+        known.inject(
+            Instant(ms, 0.0, 0.0, energised=True, brake_open=True), Effect(feedback=True, at_once=True), 0.5
+        )
+    onset = known.recent_onset(2400)
+    assert onset is not None
+    assert onset.ms == 100
+    assert known.recent_onset(2600) is None
+
+
+@pytest.mark.parametrize(
+    ("own_ramp", "share", "most"), [(True, 0.02, 0.8), (True, 1.0, 0.35), (False, 0.02, 0.35)]
+)
+def test_an_unreached_drive_with_little_torque_runs_out_and_no_further(
+    own_ramp: bool, share: float, most: float
+) -> None:
+    """Its bound holds for nobody else: not where commands reach it, nor with all of its torque."""
+    for way, found in ((0.99 * most, list[Violation]()), (1.01 * most, list[Violation]())):
+        axis = bare(found)
+        axis.bounds = replace(axis.bounds, runs_out_deg=lambda speed, share: 0.8)
+        axis.known.own_ramp, axis.known.torque_share = own_ramp, share
+        alarm = Alarm(Code.CAN_05, 0.0, {}, Reaction.TORQUE_OFF)
+        axis._stop = Stop(alarm, StopClass.TORQUE_OFF, axis.now(), axis.now())
+        axis.sample(way, 0.5, 0.0, brake_open=True, energised=True)
+        assert [each.invariant for each in found] == ["INV-1"] * (way > most)
+
+
+def test_how_far_a_drive_runs_out_is_that_of_its_friction_and_its_load() -> None:
+    """At the motor 7.70 of 385 N m, 5.50 + 6000 / 1144 = 10.74 N m of friction, 16.0 kN m / 1144 = 13.98 of the load.
+
+    4.47 N m turn 2.654e6 kg m2 by 0.1103 deg/s2 slower: 0.5 deg/s take 1.133 deg, with the 55 ms of deadline, scan and
+    drive before it 1.161, and 2 % more. An eccentricity of 22.5 for 8.15 mm, 44 kN m, drives it on.
+    """
+    bus = base_machine("bus", False, "drive", 4.0)
+    assert runs_out_deg(bus, -0.5, 0.02) == pytest.approx(1.184, rel=2e-3)
+    assert runs_out_deg(with_values(bus, {"plant.load.eccentricity_m": 0.0225}), 0.5, 0.02) == math.inf

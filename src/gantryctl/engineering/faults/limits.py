@@ -184,6 +184,21 @@ def held_up_deg(machine: Machine, speed_deg_s: float, held_s: float) -> float:
     return _driven_deg(machine, speed, driven_acc_deg_s2(machine), driven_s)
 
 
+def runs_out_deg(machine: Machine, speed_deg_s: float, torque_share: float) -> float:
+    """Way of a drive that no command reaches and whose own ramp has a part of its torque; friction helps.
+
+    Nobody can end it sooner: the brake of such a drive closes at the end of its ramp. The load pulls as far as it can;
+    where it drives the axis on the way is infinite.
+    """
+    speed = abs(speed_deg_s)
+    torque_nm = torque_share * machine.motor.torque_max_nm + friction_nm(machine)
+    torque_nm -= abs(eccentric_moment_nm(machine)) / machine.axis.ratio
+    if torque_nm <= 0.0:
+        return math.inf
+    dec_deg_s2 = deg(torque_nm * machine.axis.ratio / _inertia_kg_m2(machine))
+    return (speed * _deadline_missed_s(machine) + 0.5 * speed**2 / dec_deg_s2) * _MARGIN
+
+
 def brake_slip_deg(machine: Machine) -> float:
     """Way of a load that its brake lets go, until torque holds it: 0.16 deg on the reference gantry."""
     sag = machine.brake.sag_max_deg

@@ -529,6 +529,10 @@ class AxisOracle:
             allowed = max(allowed, self.held_way_deg(stop.onset))
         if way > allowed and self._ramps(stop):
             allowed = max(allowed, self._allowed_deg(StopClass.QUICK, from_deg_s, way, left))
+            runs_out_deg, share = self.bounds.runs_out_deg, self.known.torque_share
+            if way > allowed and runs_out_deg is not None and share < 1.0:
+                # Nobody reaches the drive, and its own ramp has as much torque as is left (random seed 141046).
+                allowed = max(allowed, runs_out_deg(from_deg_s, share))
         if way > allowed and stop.off is not None:
             allowed = max(allowed, self._untwists_deg(from_deg_s))
         stop.allowed_deg = allowed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
@@ -10,6 +11,10 @@ from gantryctl.engineering.faults.oracle.words import Instant, TrueAxis
 
 # An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
 _CAUSE_MS: Final = 3000
+# What has ended explains no alarm of an axis that has moved on soundly since: every monitor of a reading or of a drive
+# has seen it, or let it pass, half a second later. A sign that was wrong for 0.47 s at rest explained a torque that was
+# lost 1.9 s later in a move (random seed 160507).
+_OVER_MS: Final = 1000
 
 
 class Effect(NamedTuple):
@@ -38,6 +43,7 @@ class KnownFaults:
             its own.
         pulls_away: the load may be taken away, and the position loop answers.
         late_s: the axis goes on for so long before a fault shows.
+        torque_share: what a fault leaves of the torque of the drive.
         brake_late_s: a fault lets the brake close so much later. brake_share: what is left of its torque.
         reading_late_s: a fault delays every telegram of the drive by so much: none carries its time, so behind the gap
             at the beginning nothing shows it.
@@ -53,14 +59,15 @@ class KnownFaults:
         self.onset: Instant | None = None
         self.no_ramp = self.own_ramp = self.pulls_away = self.contact_lies = False
         self.late_s = self.brake_late_s = self.reading_late_s = 0.0
-        self.brake_share = 1.0
+        self.brake_share = self.torque_share = 1.0
         self.state_seen_ms = 0.0
         self.held: HeldUp | None = None
         self.load_share: Callable[[float], float] | None = None
         self._onset_of_feedback = self._disobeys = False
+        self._over_ms = math.inf
 
-    def inject(self, now: Instant, effect: Effect) -> None:
-        """Something is spoilt from now on; a cause that lasts keeps its first onset."""
+    def inject(self, now: Instant, effect: Effect, lasts_s: float = math.inf) -> None:
+        """Something is spoilt from now on for so long; a cause that lasts keeps its first onset."""
         feedback, at_once, no_ramp, late_s = effect
         self.late_s = max(self.late_s, late_s)
         self._disobeys = self._disobeys or (feedback and not at_once)
@@ -69,6 +76,9 @@ class KnownFaults:
         old = self.recent_onset(now.ms) is None
         if at_once and (old or (feedback and not self._onset_of_feedback)):
             self.onset, self._onset_of_feedback = now, feedback
+            self._over_ms = now.ms + 1e3 * lasts_s
+        elif at_once and feedback is self._onset_of_feedback:
+            self._over_ms = max(self._over_ms, now.ms + 1e3 * lasts_s)
 
     def hold(self, now: Instant, held_s: float) -> None:
         """The controller stands still from now on for so long."""
@@ -77,7 +87,8 @@ class KnownFaults:
     def recent_onset(self, ms: int) -> Instant | None:
         """Onset of what may be the cause of an alarm that is told now."""
         onset = self.onset
-        return onset if onset is not None and ms - onset.ms < _CAUSE_MS else None
+        recent = onset is not None and ms - onset.ms < _CAUSE_MS and ms < self._over_ms + _OVER_MS
+        return onset if recent else None
 
     def begun_just_now(self, true: TrueAxis) -> bool:
         """A fault has begun to act within this scan."""

@@ -15,6 +15,7 @@ from gantryctl.engineering.faults.limits import (
     brake_slip_deg,
     computed_deg,
     held_up_deg,
+    runs_out_deg,
     standstill_deg,
 )
 from gantryctl.engineering.faults.physics import friction_nm
@@ -104,6 +105,7 @@ class Bounds:
         plant_way_deg: the same, computed on a plant that is not the one of `way_deg`, asked where that is passed.
         held_way_deg: permitted way by speed and time of a controller that stands still with a spoilt feedback.
         driven_acc_deg_s2: what all torque makes meanwhile.
+        runs_out_deg: permitted way by speed and part of the torque of a drive that stops by itself, unreached.
     """
 
     sag_deg: float
@@ -122,6 +124,7 @@ class Bounds:
     plant_way_deg: Callable[[StopClass, float], float] | None = None
     held_way_deg: Callable[[float, float], float] | None = None
     driven_acc_deg_s2: float = 0.0
+    runs_out_deg: Callable[[float, float], float] | None = None
 
 
 def reference_bounds(machine: Machine) -> Bounds:
@@ -131,6 +134,7 @@ def reference_bounds(machine: Machine) -> Bounds:
         plant_way_deg=partial(_computed_way_deg, machine),
         held_way_deg=partial(held_up_deg, machine),
         driven_acc_deg_s2=driven_acc_deg_s2(machine),
+        runs_out_deg=partial(runs_out_deg, machine),
     )
 
 
@@ -161,6 +165,7 @@ def bounds_of(machine: Machine) -> Bounds:
             StopClass.SILENCE: max(brake_s, quick_s if machine.on_bus else 0.0) + 0.2,
         },
         way_deg=partial(_computed_way_deg, machine),
+        runs_out_deg=partial(runs_out_deg, machine),
     )
 
 

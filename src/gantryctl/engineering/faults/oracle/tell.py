@@ -102,7 +102,9 @@ def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
     if unreached:
         # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
         known.hold(now, watchdog_s)
-    known.inject(now, effect_of(each))
+    if (each.where, each.kind) == (Place.DRIVE, "torque_limit"):
+        known.torque_share = each.values["share"]
+    known.inject(now, effect_of(each), math.inf if each.for_s is None else each.for_s)
 
 
 def load_share(target: Target, motor_rad: float) -> float:
