@@ -77,6 +77,30 @@ def test_a_null_list_of_items_is_an_empty_one(run: Run) -> None:
     run(check)
 
 
+def test_a_changed_item_keeps_ten_values_whatever_it_asks_for(run: Run) -> None:
+    """Found by a client that asks for a queue of 0, the longest there is, and never publishes: it kept every value."""
+
+    async def check(bench: Bench) -> None:
+        mine = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)
+        _, body = await mine.ask(ua.CreateSubscriptionRequest())
+        number = struct_from_binary(ua.CreateSubscriptionResult, body).SubscriptionId
+        assert await items(mine, number, 2) == "Good"
+        held = bench.listener.wall.internal.subscription_service.subscriptions[number].monitored_item_srv
+        first, second = held._monitored_items
+        change = ua.ModifyMonitoredItemsRequest()
+        change.Parameters.SubscriptionId = number
+        for wanted, given in ((0, 10), (2**32 - 1, 10), (11, 10), (3, 3)):
+            change.Parameters.ItemsToModify = []
+            for each in (first, second):
+                item = ua.MonitoredItemModifyRequest()
+                item.MonitoredItemId, item.RequestedParameters.QueueSize = each, wanted
+                change.Parameters.ItemsToModify.append(item)
+            assert (await mine.ask(change))[0] == "Good"
+            assert [each.queue_size for each in held._monitored_items.values()] == [given, given]
+
+    run(check)
+
+
 def test_too_much_in_one_request_is_refused(run: Run) -> None:
     async def check(bench: Bench) -> None:
         mine = await bench.session("Basic256Sha256", MODES.SignAndEncrypt)

@@ -85,14 +85,14 @@ def test_limits_of_opcua_are_those_of_the_manual() -> None:
         },
         services_module: {
             "NODES_MAX": 1000, "PATHS_MAX": 100, "SUBSCRIPTIONS_MAX": 8, "ITEMS_MAX": 1000,
-            "INTERVAL_MAX_MS": 60_000.0,
+            "INTERVAL_MAX_MS": 60_000.0, "QUEUE_MAX": 10,
         },
         channel_module: {
             "BUFFER_MIN": 8192, "MESSAGE_MAX": 1_048_576, "LIFETIME_MIN_MS": 60_000, "LIFETIME_MAX_MS": 3_600_000,
             "NONCE_MIN": 32, "SESSIONS_MAX": 4,
         },
         people_module: {"CHECKS_PER_S": 1.0, "CHECKS_RESERVE": 10.0},
-        server_module: {"SESSION_MAX_MS": 60_000.0, "_QUEUE_MAX": 10, "_UNACKNOWLEDGED_MAX": 20},
+        server_module: {"SESSION_MAX_MS": 60_000.0, "_UNACKNOWLEDGED_MAX": 20},
         space_module: {"PERIOD_S": 0.2, "GONE_S": 5.0},
     }  # fmt: skip
     for module, limits in wanted.items():

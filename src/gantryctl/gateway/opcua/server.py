@@ -22,7 +22,13 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gantryctl.gateway.opcua.channel import MESSAGE_MAX, Sessions, Wall
 from gantryctl.gateway.opcua.listener import Listener
 from gantryctl.gateway.opcua.people import People
-from gantryctl.gateway.opcua.services import ITEMS_MAX, NODES_MAX, PATHS_MAX, SUBSCRIPTIONS_MAX
+from gantryctl.gateway.opcua.services import (
+    ITEMS_MAX,
+    NODES_MAX,
+    PATHS_MAX,
+    QUEUE_MAX,
+    SUBSCRIPTIONS_MAX,
+)
 from gantryctl.gateway.opcua.space import PERIOD_S, AddressSpace
 from gantryctl.gateway.opcua.trust import TrustList
 from gantryctl.service.memory.events import EventLog
@@ -41,8 +47,8 @@ POLICIES: Final = (
 )
 SESSION_MAX_MS: Final = 60_000.0
 """Longest time that a silent session lives."""
-# Monitored items x values that wait x messages that nobody has acknowledged are memory that a client may take.
-_QUEUE_MAX, _UNACKNOWLEDGED_MAX = 10, 20
+# Messages of a subscription that nobody has acknowledged.
+_UNACKNOWLEDGED_MAX: Final = 20
 # What the server says of its limits (Part 5, section 6.3.11).
 _SAID: Final = {
     "MaxNodesPerRead": NODES_MAX,
@@ -79,7 +85,7 @@ async def make_server(settings: Settings, events: EventLog) -> tuple[Listener, A
     internal.allow_remote_admin = False
     internal.supported_tokens = (ua.UserNameIdentityToken,)
     internal.max_session_timeout_ms = SESSION_MAX_MS
-    internal.max_monitored_item_queue_size = _QUEUE_MAX
+    internal.max_monitored_item_queue_size = QUEUE_MAX
     internal.max_unacked_messages_per_subscription = _UNACKNOWLEDGED_MAX
     server = Server(internal)
     server.name, server.manufacturer_name, server.product_uri = (

@@ -22,6 +22,8 @@ ITEMS_MAX: Final = 1000
 """Monitored items of all sessions of one channel."""
 INTERVAL_MAX_MS: Final = 60_000.0
 """Longest publishing interval."""
+QUEUE_MAX: Final = 10
+"""Values of a monitored item that wait: times items and messages that nobody has acknowledged, memory of a client."""
 
 
 def _named(*names: str) -> frozenset[int]:
@@ -141,6 +143,9 @@ def _modify(held: Holdings, body: Bounded) -> Buffer:
     held.must_own(found.SubscriptionId)
     for item in found.ItemsToModify:
         _without_deadband(item.RequestedParameters)
+        # asyncua has its limit where an item is made, and none here: of 0, which asks for the longest, no value goes.
+        asked = item.RequestedParameters.QueueSize
+        item.RequestedParameters.QueueSize = min(asked or QUEUE_MAX, QUEUE_MAX)
     return Buffer(struct_to_binary(found))
 
 
