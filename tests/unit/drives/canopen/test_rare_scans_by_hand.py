@@ -31,7 +31,7 @@ from unit.drives.canopen.canopen_bench import Bench
 from unit.drives.canopen.dictionary import Dictionary, settings
 from unit.drives.canopen.test_in_motion_by_hand import Stop
 from unit.drives.canopen.test_nodes_by_hand import of_cia_401
-from unit.drives.canopen.test_scan_by_hand import HEARTBEAT, TPDO_1, sent_from_now, statuswords
+from unit.drives.canopen.test_scan_by_hand import HEARTBEAT, RPDO_1, TPDO_1, sent_from_now, statuswords
 from unit.drives.canopen.test_supervision_by_hand import Watched
 from unit.drives.canopen.test_wire import ALL, BOTH, TURN, Telegrams
 from unit.drives.canopen.wire import Wire, remote_node
@@ -196,6 +196,20 @@ def test_a_drive_that_says_it_is_not_operational_but_answers_gets_its_heartbeat(
     sent = sent_from_now(bench, monkeypatch, HEARTBEAT)
     bench.run(0.1)
     assert sent
+    bench.drive.close()
+
+
+def test_a_drive_without_a_heartbeat_is_not_believed_though_its_telegrams_come(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What sends them may be anything: it is shown as nothing, and told nothing but torque off."""
+    bench = Bench().open().enable()
+    bench.drive._flags |= LinkFlag.HEARTBEAT_LOST
+    sent = sent_from_now(bench, monkeypatch, RPDO_1)
+    shown = [bench.scan(R.ENABLE, 1.0).state for _ in range(3)]
+    assert S.OPERATION_ENABLED not in shown
+    assert bench.drive.process.silence == 0
+    assert {data[:17] for data in sent[1:]} == {"00 00 00 00 00 00"}
     bench.drive.close()
 
 

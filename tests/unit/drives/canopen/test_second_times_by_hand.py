@@ -234,17 +234,29 @@ def test_a_proof_of_silence_begins_with_the_word_that_stops(monkeypatch: pytest.
     bench.drive.close()
 
 
+@pytest.mark.parametrize("low", [0x08, 0x0F])
 @pytest.mark.parametrize(
     ("by_telegram", "by_message", "asked_for", "shown", "asks"),
-    [(0x7305, 0x8110, 0, 0x7305, False), (0, 0x2310, 0x3210, 0x2310, False), (0, 0, 0x3210, 0x3210, True)],
-)
+    [
+        (0x7305, 0x8110, 0, 0x7305, False), (0, 0x2310, 0x3210, 0x2310, False), (0, 0, 0x3210, 0x3210, True),
+        # A warning explains no fault: CAN overrun.
+        (0, 0x8110, 0x3210, 0x3210, True),
+    ],
+)  # fmt: skip
 def test_the_code_of_a_fault_is_that_of_the_telegram_then_of_the_message(
-    monkeypatch: pytest.MonkeyPatch, by_telegram: int, by_message: int, asked_for: int, shown: int, asks: bool
+    monkeypatch: pytest.MonkeyPatch,
+    low: int,
+    by_telegram: int,
+    by_message: int,
+    asked_for: int,
+    shown: int,
+    asks: bool,
 ) -> None:
+    """In Fault and on the ramp that leads there."""
     bench = Bench().open()
     bench.run(0.02, R.DISABLE)
     drive, unknown = bench.drive, list[bool]()
-    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x08)
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | low)
     monkeypatch.setattr(ProcessImage, "error_code", by_telegram)
     monkeypatch.setattr(drive.parameter_watch, "scan", lambda periods, fault: unknown.append(fault))
     drive.node.emergencies.code, drive.parameter_watch.error_code = by_message, asked_for
