@@ -206,8 +206,10 @@ def test_a_drive_without_a_heartbeat_is_not_believed_though_its_telegrams_come(
     bench = Bench().open().enable()
     bench.drive._flags |= LinkFlag.HEARTBEAT_LOST
     sent = sent_from_now(bench, monkeypatch, RPDO_1)
-    shown = [bench.scan(R.ENABLE, 1.0).state for _ in range(3)]
-    assert S.OPERATION_ENABLED not in shown
+    statuswords(bench, monkeypatch, lambda word: word & ~0x6F | 0x27)
+    shown = {bench.scan(R.ENABLE, 1.0).state for _ in range(50)}
+    # By SDO it has shown since that its torque is off.
+    assert shown == {S.UNKNOWN, S.SWITCH_ON_DISABLED}
     assert bench.drive.process.silence == 0
     assert {data[:17] for data in sent[1:]} == {"00 00 00 00 00 00"}
     bench.drive.close()
