@@ -408,3 +408,17 @@ describe('a message', () => {
     expect(said(null, undefined)).toBe('');
   });
 });
+
+test('the imbalance of a table is told in newton metres, and that of a gantry in thousands', () => {
+  const told = (eccentric_moment_nm: number | null): string | undefined => {
+    show(Display, {}, { eccentric_moment_nm, eccentric_angle_deg: 0 });
+    const title = [...document.querySelectorAll('dt')].find((each) => each.textContent === 'Imbalance');
+    return title?.nextElementSibling?.textContent?.replace(/\s+/g, ' ').trim();
+  };
+  expect(told(6.25)).toBe('6.3 N m hangs at 0°');
+  expect(told(0.041)).toBe('0.041 N m hangs at 0°');
+  expect(told(999)).toBe('999 N m hangs at 0°');
+  expect(told(1000)).toBe('1.00 kN m hangs at 0°');
+  expect(told(25580)).toBe('25.58 kN m hangs at 0°');
+  expect(told(null)).toBe('– kN m learned by motion both ways');
+});

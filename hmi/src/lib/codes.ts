@@ -45,6 +45,7 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'CTL-12': {"title": "跟随误差偏高", "message": "跟随误差 {measured:.3f}°，警告 {limit:.3f}°，停机 {trip:.3f}°", "cause": "轴的跟随比平时差。", "to_do": "查看记录中的趋势；安排维修。"},
   'CTL-19': {"title": "偏心力矩已改变", "message": "自标定以来偏心力矩改变了 {measured:.3g} kN·m，限值 {limit:.3g} kN·m", "cause": "负载与辨识时不同，或电机转矩读数有误。控制只跟随到限值为止。", "to_do": "查明轴上有何改变。重新辨识；若负载允许如此，提高 [control.compensation.moment_observer] limit_nm。"},
   'CTL-22': {"title": "标定不再适用", "message": "标定不再适用：{measured}", "cause": "机器自辨识以来已改变，或转矩、环上编码器读数有误：负载角度的精度已降低。", "to_do": "查明有何改变。运行 `gantryctl identify`：有新标定后警告才消失。"},
+  'CTL-23': {"title": "测试信号已中止", "message": "测试信号下转矩为 {measured:.3g} N m，允许 ±{limit:.3g} N m", "cause": "测量信号产生的转矩超过该测量允许的值：信号过大，或轴碰到障碍、自身摆动。", "to_do": "查看轴。复位，重新上电，用较小的转矩测量。"},
   'LIM-02': {"title": "超程", "message": "角度 {measured:.2f}°，限值 {limit:.2f}°", "cause": "实测角度越过超程限值。", "to_do": "复位，上电，然后向内移动：返回方向是开放的。"},
   'LIM-06': {"title": "禁区", "message": "在 {measured:.2f}° 停止将结束于 {position:.2f}°，禁区为 {begin:.2f}° 至 {end:.2f}°", "cause": "按实测角度和速度，轴将进入或已进入 [axis] no_go_deg 的禁区。", "to_do": "复位，上电，然后离开禁区：该方向开放。"},
   'LIM-03': {"title": "限位开关", "message": "{side}限位开关在 {measured} 断开", "cause": "轴在硬件限位处，或开关的导线断开。", "to_do": "复位，上电，然后向内移动：返回方向是开放的。若角度远在行程之内，请检查开关。"},

@@ -286,6 +286,8 @@ export interface Tags {
   speed_cap_deg_s: number | null;
   /** Deceleration of a quick stop: as set, or as measured of a drive with a ramp of its own. [deg/s2] */
   quick_dec_deg_s2: number | null;
+  /** Moment at the axis that the motor's largest torque holds. [N m] */
+  moment_max_nm: number | null;
   /** Lowest acceleration setting. [deg/s2] */
   acc_min_deg_s2: number | null;
   /** Highest acceleration setting, that of the machine file. [deg/s2] */

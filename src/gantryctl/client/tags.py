@@ -347,6 +347,8 @@ class Tags:
     quick_dec_deg_s2: float
     """Deceleration of a quick stop: as set, or as measured of a drive with a ramp of its own.
     [deg/s2]"""
+    moment_max_nm: float
+    """Moment at the axis that the motor's largest torque holds. [N m]"""
     acc_min_deg_s2: float
     """Lowest acceleration setting. [deg/s2]"""
     acc_max_deg_s2: float

@@ -182,6 +182,13 @@ def figure_text(value: float, decimals: int, *, signed: bool = False) -> str:
     return f"{value:{sign}.{decimals}f}" if abs(value) >= 10.0 ** (1 - decimals) else f"{value:{sign}.2g}"
 
 
+def at_most(value: float) -> str:
+    """A permitted figure for people, in two digits and never below what is permitted."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    # What is 0.05 stays 0.05.
+    return f"{math.ceil(value / unit - 1e-6) * unit:.2g}"
+
+
 def torque_text(torque_nm: float) -> str:
     """A torque of the motor for people."""
     return f"{figure_text(torque_nm, 0)} N m"

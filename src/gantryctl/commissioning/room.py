@@ -39,7 +39,8 @@ def why_no_room(
         way: its sign is the direction in which the step turns the axis; 0: either.
     """
     stands_deg = stand_deg(machine)
-    if leash_deg <= stands_deg:
+    # On the leash of a step that means to stand, or on a hair. A brake with more play permits no turn more.
+    if leash_deg <= _STANDS_DEG or leash_deg == stands_deg:
         return ""
     unknown = why_not_referenced(reading)
     if unknown is not None:

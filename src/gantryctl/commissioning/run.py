@@ -24,6 +24,7 @@ from gantryctl.commissioning.results import (
     Outcome,
     Progress,
     StepResult,
+    at_most,
     load_progress,
     store_progress,
 )
@@ -99,8 +100,10 @@ class Step:
 
     def could_move(self, machine: Machine) -> str:
         """What could move on this machine, and how far; "" when nothing can."""
-        brake_deg, push_deg = machine.brake.sag_max_deg, steps_lacks.push_deg(machine)
-        return self.moves.format(sag=sag_deg(machine), brake=brake_deg, push=push_deg)
+        permitted = {
+            "sag": sag_deg(machine), "brake": machine.brake.sag_max_deg, "push": steps_lacks.push_deg(machine)
+        }  # fmt: skip
+        return self.moves.format(**{name: at_most(deg) for name, deg in permitted.items()})
 
 
 def _travel_s(machine: Machine) -> float:
@@ -136,15 +139,15 @@ STEPS: Final = (
     Step("wiring", "Wiring by hand", "a person works every input, and looks at every output", "", steps_bus.wiring,
          lasts_s=lambda machine: 60.0, required=False, by_hand=True),
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
-         "the axis may sag by less than {sag:.2g} deg when the brake closes", steps_silence.silence, Reach.STANDSTILL,
+         "the axis may sag by less than {sag} deg when the brake closes", steps_silence.silence, Reach.STANDSTILL,
          lambda machine: 3.0),
     Step("watchdog", "Watchdog", "kills the controller: the watchdog beside the drive takes the torque off",
-         "the axis may sag by less than {sag:.2g} deg when the brake closes", steps_silence.watchdog, Reach.STANDSTILL,
+         "the axis may sag by less than {sag} deg when the brake closes", steps_silence.watchdog, Reach.STANDSTILL,
          lambda machine: 4.0),
-    Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than {brake:.2g} deg",
+    Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than {brake} deg",
          steps_power.brake, Reach.STANDSTILL, lambda machine: 6.0),
     Step("torque", "Torque limit", "pushes against the closed brake: the limit of the drive maker's tool",
-         "less than {push:.2g} deg", steps_lacks.torque, Reach.STANDSTILL, lambda machine: 4.0, makes_up=TORQUE),
+         "less than {push} deg", steps_lacks.torque, Reach.STANDSTILL, lambda machine: 4.0, makes_up=TORQUE),
     Step("sign", "Sign and scale", "a brief speed pulse with the position loop open, torque and speed limits lowered",
          "at most 0.05 deg, or 25 deg of the motor where that is more", steps_sign.sign, Reach.STANDSTILL,
          lambda machine: 3.3),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.commissioning import Figure, Outcome, Progress, write_report
-from gantryctl.commissioning.results import judged, load_progress, passed, store_progress
+from gantryctl.commissioning.results import at_most, judged, load_progress, passed, store_progress
 from support.reports import HEAD
 
 PROGRESS = Progress("m", "0" * 64)
@@ -70,3 +70,19 @@ def test_the_report_has_the_limit_beside_the_figure(tmp_path: Path) -> None:
         in page
     )
     assert '<td>dead scans</td><td class="">2</td>' in page
+
+
+@pytest.mark.parametrize(
+    ("permitted", "said"),
+    [
+        (0.204, "0.21"),
+        (0.2, "0.2"),
+        (0.05, "0.05"),
+        (0.1885, "0.19"),
+        (0.0021, "0.0021"),
+        (0.00211, "0.0022"),
+        (0.997, "1"),
+    ],
+)
+def test_what_is_permitted_is_never_told_smaller_than_it_is(permitted: float, said: str) -> None:
+    assert at_most(permitted) == said

@@ -147,8 +147,17 @@ def test_without_limits_of_the_machine_a_range_is_that_of_its_unit() -> None:
         "deg": (-360.0, 360.0), "deg/s": (-10.0, 10.0), "deg/s2": (-10.0, 10.0), "N m": (-1000.0, 1000.0),
         "s": (0.0, 3600.0), "ms": (0.0, 1000.0), "us": (0.0, 1e5), "%": (0.0, 100.0), "": (0.0, 1.0),
     }  # fmt: skip
-    eccentric = normal_range(BY_NAME["eccentric_moment_nm"], limits)
-    assert (eccentric.Low, eccentric.High) == (-1e5, 1e5)
+
+
+def test_the_range_of_the_moment_of_an_axis_is_what_its_motor_holds() -> None:
+    """385 N m at the motor are 440.44 kN m at a gantry of 1144 : 1, and 1.88 N m are 339 N m at a table of 180 : 1."""
+    limits = {tag.name: None for tag in TAGS} | {"torque_rated_nm": 257.0, "torque_max_nm": 385.0}
+    for moment_nm in (440_440.0, 338.8):
+        known = limits | {"moment_max_nm": moment_nm}
+        eccentric = normal_range(BY_NAME["eccentric_moment_nm"], known)
+        motor = normal_range(BY_NAME["torque_act_nm"], known)
+        assert (eccentric.Low, eccentric.High) == (-moment_nm, moment_nm)
+        assert (motor.Low, motor.High) == (-385.0, 385.0)
 
 
 def test_a_value_has_the_time_in_which_it_was_measured() -> None:

@@ -1,6 +1,7 @@
 """A closed brake: the shaft that slips behind it and what its stops cost, both ways, at each scan period; by hand."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -9,6 +10,7 @@ from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.power.wear import BrakeWear
 from gantryctl.units import rad
 from unit.program.parts import BOTH, PERIODS, Parts, in_scans
+from unit.program.rig import settings
 
 approx = pytest.approx
 
@@ -94,6 +96,20 @@ def test_a_stop_by_the_brake_counts_above_a_tenth_of_a_degree_per_second():
     assert (wear.stops, parts.codes) == (2, [])
     wear.begin(rad(6.0))
     assert (wear.stops, parts.codes) == (3, ["BRK-09"])
+
+
+@pytest.mark.parametrize(("fastest_deg_s", "slow_deg_s"), [(0.048, 0.0008), (0.48, 0.008), (60.0, 1.0)])
+def test_brake_stops_of_a_slow_axis_count_and_a_creep_of_a_fast_one_does_not(fastest_deg_s, slow_deg_s):
+    """A sixtieth of the highest setting: an axis that never came to 0.1 deg/s counted none of its stops."""
+    usual = settings()
+    speed = replace(usual.speed, setting_max_rad_s=rad(fastest_deg_s))
+    parts = Parts(config=replace(usual, speed=speed))
+    wear = BrakeWear(parts.settings, parts.feedback, parts.alarms)
+    wear.begin(rad(0.99 * slow_deg_s))
+    assert wear.stops == 0
+    wear.begin(rad(1.01 * slow_deg_s))
+    wear.begin(rad(fastest_deg_s))
+    assert wear.stops == 2
 
 
 def test_brake_stops_of_earlier_runs_are_told_at_once():

@@ -262,6 +262,7 @@ SLOW_BY_HAND: dict[str, Any] = {
     "increment_max_deg": 360.0,
     "torque_rated_nm": 257.0,
     "torque_max_nm": 385.0,
+    "moment_max_nm": 440_440.0,  # 1144 times that
     "reset_locked": False,
     "blocked_by": "",
     "blocked_by_messages": [],

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, config_hash
+from gantryctl.machine import Machine, config_hash, is_reference_machine
 from gantryctl.machine.tables.plant import StructureTable
 from gantryctl.units import GRAVITY_M_S2, SIGNED, Dial, rad
 
@@ -85,7 +85,8 @@ def isocentre(machine: Machine, angles_deg: FloatArray) -> Isocentre:
     Raises:
         UsageError: the machine file says nothing of the structure; that of the reference gantry would be told.
     """
-    if "structure" not in machine.plant.model_fields_set:
+    # The defaults are those of the reference gantry, whatever its control and its drive.
+    if "structure" not in machine.plant.model_fields_set and not is_reference_machine(machine):
         raise UsageError(
             f"[plant.structure]: is missing in the machine file of {machine.name}, and nobody knows where its "
             "isocentre goes: write weights, stiffnesses and tracks of this machine there"

@@ -38,9 +38,13 @@ _UNITS: Final = {
     "%": _Unit("P1", "%", "percent", 100.0),
     "": _Unit("C62", "", "one", 1.0),
 }
-# At the gantry, where the limits of this unit are those of the motor.
-_LARGEST: Final = {"eccentric_moment_nm": 1e5}
-_LIMITS: Final = [t for t in TAGS if (t.kind, t.direction, t.rate) == ("float", "out", "on change")]
+# At the axis, where the other limits of this unit are those of the motor.
+_OF_THE_AXIS: Final = {"eccentric_moment_nm": "moment_max_nm", "moment_max_nm": "moment_max_nm"}
+_LIMITS: Final = [
+    t
+    for t in TAGS
+    if (t.kind, t.direction, t.rate) == ("float", "out", "on change") and t.name not in _OF_THE_AXIS
+]
 
 
 def information(tag: Tag) -> Any:
@@ -58,7 +62,8 @@ def normal_range(tag: Tag, tags: Mapping[str, Any]) -> Any:
         tags: values of all tags.
     """
     unit = _UNITS[tag.unit]
-    found = [tags.get(each.name) for each in _LIMITS if each.unit == tag.unit]
-    limits = [abs(value) for value in found if isinstance(value, int | float)]
-    largest = _LARGEST.get(tag.name, max(limits, default=0.0)) or unit.largest
+    own = _OF_THE_AXIS.get(tag.name)
+    names = [own] if own else [each.name for each in _LIMITS if each.unit == tag.unit]
+    limits = [abs(value) for value in map(tags.get, names) if isinstance(value, int | float)]
+    largest = max(limits, default=0.0) or unit.largest
     return ua.Range(-largest if unit.signed else 0.0, largest)

@@ -78,6 +78,7 @@ class Code(StrEnum):
     CTL_19 = "CTL-19"
     CTL_21 = "CTL-21"
     CTL_22 = "CTL-22"
+    CTL_23 = "CTL-23"
     CAN_01 = "CAN-01"
     CAN_02 = "CAN-02"
     CAN_03 = "CAN-03"

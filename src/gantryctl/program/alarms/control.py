@@ -125,6 +125,16 @@ CONTROL: Final = (
              "机器自辨识以来已改变，或转矩、环上编码器读数有误：负载角度的精度已降低。",
              "查明有何改变。运行 `gantryctl identify`：有新标定后警告才消失。"),
     ),
+    Definition(
+        Code.CTL_23, _STOP, _QS,
+        Text("Test signal stopped", "Torque {measured:.3g} N m under a test signal, permitted +-{limit:.3g} N m",
+             "The signal of a measurement made more torque than the measurement permits: a signal too large, or an "
+             "axis that meets an obstacle or swings by itself.",
+             "Look at the axis. Reset, switch on again, measure with a smaller torque."),
+        Text("测试信号已中止", "测试信号下转矩为 {measured} N m，允许 ±{limit} N m",
+             "测量信号产生的转矩超过该测量允许的值：信号过大，或轴碰到障碍、自身摆动。",
+             "查看轴。复位，重新上电，用较小的转矩测量。"),
+    ),
     # Fault catalogue G2: the last limit in software before the switches.
     Definition(
         Code.LIM_02, _STOP, _QS,

@@ -297,10 +297,17 @@ class Axis:
             return None
         return self.recovery.request(service)
 
-    def quick_stop(self) -> None:
-        """Stop on the quick-stop ramp of the drive, at the request of a person; ErrorStop afterwards."""
+    def quick_stop(self, code: Code = Code.INT_06, /, **values: object) -> None:
+        """Stop on the quick-stop ramp of the drive; ErrorStop afterwards.
+
+        Args:
+            code: why; a person has asked for it.
+            values: of its message.
+        """
         if not self.is_off:
-            self.alarms.raise_(Code.INT_06, measured=self.feedback.where_moving(self.pos_act_rad))
+            self.alarms.raise_(
+                code, None, **(values or {"measured": self.feedback.where_moving(self.pos_act_rad)})
+            )
             self._interrupted()
             self._unfollow()
 

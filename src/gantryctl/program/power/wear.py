@@ -8,10 +8,10 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import rad
 
-# Slower, the brake takes some joules: 4 J at 0.1 deg/s, 13.6 kJ at 6 deg/s on the reference machine.
-_STOP_RAD_S: Final = rad(0.1)
+# Of the highest setting. Slower, the brake takes some joules: on the reference machine 4 J at 0.1 deg/s, 13.6 kJ at
+# 6 deg/s.
+_STOP_SHARE: Final = 1.0 / 60.0
 
 
 class BrakeWear:
@@ -22,12 +22,22 @@ class BrakeWear:
         energy_j: what the closed brake took in them: its torque times the angle of the motor.
     """
 
-    __slots__ = ("_alarms", "_before", "_energy_per_speed", "_feedback", "_most", "energy_j", "stops")
+    __slots__ = (
+        "_alarms",
+        "_before",
+        "_energy_per_speed",
+        "_feedback",
+        "_most",
+        "_slowest_rad_s",
+        "energy_j",
+        "stops",
+    )
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
         power = settings.power
         self._feedback, self._alarms = feedback, alarms
         self._most = power.brake_stops_max
+        self._slowest_rad_s = _STOP_SHARE * settings.speed.setting_max_rad_s
         self._energy_per_speed = power.brake_torque_nm * settings.law.ratio * settings.period_s
         self._before = self.stops = 0
         self.energy_j = 0.0
@@ -40,7 +50,7 @@ class BrakeWear:
     def begin(self, speed_rad_s: float) -> None:
         """Torque goes off and the brake closes at this speed of the gantry."""
         # NaN is counted: nobody knows how fast it was.
-        if not speed_rad_s <= _STOP_RAD_S:
+        if not speed_rad_s <= self._slowest_rad_s:
             self.stops += 1
             self._judge()
 

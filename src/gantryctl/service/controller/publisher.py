@@ -288,6 +288,7 @@ class Publisher:
             "increment_max_deg": ranges["increment_deg"].high,
             "torque_rated_nm": motor.torque_rated_nm,
             "torque_max_nm": motor.torque_max_nm,
+            "moment_max_nm": motor.torque_max_nm * machine.axis.ratio,
         }
 
     def _timing(self) -> dict[str, Any]:

@@ -233,6 +233,7 @@ _LIMITS: Final = (
          "Keys and increments above this need the enabling switch."),
     _out("quick_dec_deg_s2", "deg/s2", "float", "on change",
          "Deceleration of a quick stop: as set, or as measured of a drive with a ramp of its own."),
+    _out("moment_max_nm", "N m", "float", "on change", "Moment at the axis that the motor's largest torque holds."),
     _out("acc_min_deg_s2", "deg/s2", "float", "on change", "Lowest acceleration setting."),
     _out("acc_max_deg_s2", "deg/s2", "float", "on change", "Highest acceleration setting, that of the machine file."),
     _out("increment_max_deg", "deg", "float", "on change", "Largest increment."),

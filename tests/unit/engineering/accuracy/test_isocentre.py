@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from gantryctl.engineering.accuracy import isocentre as module
 from gantryctl.engineering.accuracy.isocentre import isocentre, isocentre_text, smallest_star
 from gantryctl.errors import UsageError
-from gantryctl.machine import default_machine, with_values
+from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.units import SIGNED, Dial
 
 ANGLES = np.arange(-180.0, 180.0, 15.0)
@@ -240,3 +240,10 @@ def test_a_star_shot_takes_three_angles_and_is_printed_as_the_display_has_them()
         module.angles_of(SimpleNamespace(axis=axis), 10.0)  # type: ignore[arg-type]
     lines = isocentre_text(isocentre(default_machine(), np.array([-90.0, 0.0, 60.0])), Dial(0.0)).splitlines()
     assert [line.split()[0] for line in lines[2:5]] == ["270.0", "0.0", "60.0"]
+
+
+@pytest.mark.parametrize("name", ["hust_can", "hust_can_nodes", "hust_improved"])
+def test_the_reference_gantry_has_its_isocentre_whatever_drives_it(name: str) -> None:
+    """The same steel: its file need not say it again."""
+    found = isocentre(load_machine(configs_folder() / f"{name}.toml"), ANGLES)
+    assert found.star_radius_mm == isocentre(default_machine(), ANGLES).star_radius_mm > 0.0

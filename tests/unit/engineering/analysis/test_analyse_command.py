@@ -194,7 +194,7 @@ def test_measured_responses_are_there(everything):
     [
         (("--measure", "--at", "200"), r"--at 200: must lie within travel, -180 to 180 deg"),
         (("--measure", "--torque", "900"), "a test torque of 180 N m"),
-        (("--measure", "--at", "179"), r"takes 48 deg: 155 to 203 deg must lie"),
+        (("--measure", "--at", "179"), r"takes 54 deg: 152 to 206 deg must lie"),
         (("--out", "/dev/null/x"), "cannot be made"),
     ],
 )

@@ -13,6 +13,7 @@ from gantryctl.engineering.analysis.measured.excitation import Excitation
 from gantryctl.engineering.analysis.measured.on_engine import ExcitedProgram
 from gantryctl.engineering.analysis.models.sampled import Input
 from gantryctl.program import AxisState
+from gantryctl.program.alarms.codes import Code
 from unit.program.rig import Rig
 
 # A clamp of 6.3 deg/s behind 1144: 6.3 x pi / 180 x 1144.
@@ -82,4 +83,7 @@ def test_torque_of_either_sign_ends_the_signal(torque_nm: float, where: Input) -
     # And it does not come back once the torque has gone.
     assert (rig.output.vel_cmd_rad_s, rig.output.torque_ff_nm) == pytest.approx((0.0, 0.0), abs=0.1)
     assert rig.axis.state is AxisState.ERROR_STOP
-    assert "INT-06" in rig.codes
+    # Nobody has pressed Quick stop: the torque and its limit are told.
+    assert "INT-06" not in rig.codes
+    said = rig.axis.alarms.active[Code.CTL_23].measured
+    assert said == f"Torque {torque_nm:.3g} N m under a test signal, permitted +-50 N m"

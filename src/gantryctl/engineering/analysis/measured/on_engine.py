@@ -23,6 +23,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Axis, GantryProgram
+from gantryctl.program.alarms.codes import Code
 from gantryctl.runtime.recorder import MemoryRecorder
 
 # Motor side but the load-side reading, which is the ring's against its base.
@@ -80,7 +81,8 @@ class ExcitedProgram(GantryProgram):
             return output
         if not abs(image.drive.torque_act_nm) <= self._torque_limit_nm:
             self._signal = []
-            self.axis.quick_stop()
+            torque_nm = image.drive.torque_act_nm
+            self.axis.quick_stop(Code.CTL_23, measured=torque_nm, limit=self._torque_limit_nm)
             return output
         if output.request is not DriveRequest.ENABLE or not self.axis.virtual.following:
             return output

@@ -40,8 +40,8 @@ HIGH_HZ: Final = 200.0
 LINES: Final = 70
 # Part of the rated torque at which a measurement stops by itself.
 TORQUE_LIMIT_SHARE: Final = 0.5
-# Trials, settling and measuring take at most so long: ten periods of 16 s.
-_LONGEST_S: Final = 160.0
+# Listening, four trials, two periods of settling and four of measuring take at most so long: eleven periods of 16 s.
+_LONGEST_S: Final = 176.0
 _CALM_S: Final = 3.0
 # Friction slides at this speed; a slower axis turns as fast as it may.
 _TURNING_DEG_S: Final = 0.3
@@ -217,7 +217,7 @@ def measure_on(machine: Machine, run: AxisRun, condition: Condition) -> Measured
     turning_s = 0.0
     if condition.vel_deg_s:
         lowest = machine.speed.setting_min_deg_s
-        end_deg = min(start_deg + condition.vel_deg_s * _LONGEST_S, reach_deg(machine)[1])
+        end_deg = min(start_deg + _way_deg(machine, condition), reach_deg(machine)[1])
         run.begin_move(end_deg, max(condition.vel_deg_s, lowest), min(1.0, condition.vel_deg_s / lowest))
         turning_s = condition.vel_deg_s / machine.virtual_axis.acc_deg_s2
     run.follow(turning_s + _CALM_S)
@@ -232,13 +232,19 @@ def _signal(machine: Machine) -> Excitation:
     return multisine(Input.SPEED, LOW_HZ, min(HIGH_HZ, 0.2 / scan_s), LINES, scan_s)
 
 
+def _way_deg(machine: Machine, condition: Condition) -> float:
+    """Way while it turns: ramp and calm before the measurement, and the ramp behind it."""
+    vel = condition.vel_deg_s
+    return vel * (_CALM_S + _LONGEST_S + vel / machine.virtual_axis.acc_deg_s2)
+
+
 def starts_at_deg(machine: Machine, condition: Condition) -> float:
     """Start of a measurement whose middle is the condition's angle.
 
     Raises:
         UsageError: the way does not fit into the travel.
     """
-    way = condition.vel_deg_s * _LONGEST_S
+    way = _way_deg(machine, condition)
     start = condition.angle_deg - 0.5 * way
     low, high = reach_deg(machine)
     if low < start <= start + way < high:
