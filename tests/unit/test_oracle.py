@@ -170,6 +170,29 @@ def test_a_stop_that_goes_on_without_the_controller_has_its_true_times() -> None
     assert list(judge_words(stop.alarm, stop, axis)) == ["brake closed after 100 ms is told, true 200 ms"]
 
 
+@pytest.mark.parametrize(
+    ("lies_ms", "found"),
+    [
+        ([], True), ([1120], False), ([1400], False),
+        # It lied before the alarm, or saw the shaft move on for a while.
+        ([900], True), ([1450], True), ([900, 1120], False),
+    ],
+)  # fmt: skip
+def test_a_rest_that_a_frozen_encoder_shows_is_told_by_nobody_s_fault(
+    lies_ms: list[int], found: bool
+) -> None:
+    """Alarm at 1 s, at rest from 0.1 s on, torn off 0.4 s behind it; frozen in between nobody can see it."""
+    axis = bare([])
+    axis._axis = SimpleNamespace(settings=SimpleNamespace(period_s=0.004))
+    told = Instant(1000, 0.0, 0.0, energised=True, brake_open=True)
+    stop = Stop(Alarm(Code.CTL_02, 0.0, {}, Reaction.TORQUE_OFF), StopClass.TORQUE_OFF, told, told)
+    stop.speeds = [5.0] * 100 + [0.0] * 300 + [0.153] * 100
+    stop.alarm.steps = (Words.AT_REST_AFTER(time_ms=100.0),)
+    axis.known.encoder_lies_ms = lies_ms
+    said = list(judge_words(stop.alarm, stop, axis))
+    assert said == (["at rest after 100 ms is told, 0.153 deg/s later"] if found else [])
+
+
 @pytest.mark.parametrize(("key_ms", "found"), [(4200, False), (4800, True)])
 def test_a_move_that_comes_late_into_its_window_ends_there(key_ms: int, found: bool) -> None:
     """Beside its window until 3.2 s, as friction kept a rotary table: a key is refused until 4.7 s at most."""

@@ -215,6 +215,10 @@ class AxisOracle:
         """The contact of the brake may be late to tell that it is closed."""
         return self.known.contact_lies
 
+    def reading_lies_ms(self, since_ms: int) -> float:
+        """When the encoder began to lie behind a moment; infinite where it did not."""
+        return min((ms for ms in self.known.encoder_lies_ms if ms > since_ms), default=math.inf)
+
     def held_way_deg(self, since: Instant) -> float:
         """Permitted way of a spoilt feedback under a controller that stands still; 0 without."""
         return self.known.held_way_deg(self, since)

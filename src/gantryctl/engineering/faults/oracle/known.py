@@ -49,6 +49,7 @@ class KnownFaults:
             at the beginning nothing shows it.
         contact_lies: a fault has held the contact of the brake open, or every input as it was; only the contact shows
             that the brake is closed, so that may be told later than it is so.
+        encoder_lies_ms: when faults of the encoder have begun.
         state_seen_ms: until then the telegrams with the state of the drive do not come: nobody sees that a relay takes
             its torque.
         held: the controller stands still, or has stood.
@@ -60,6 +61,7 @@ class KnownFaults:
         self.no_ramp = self.own_ramp = self.pulls_away = self.contact_lies = False
         self.late_s = self.brake_late_s = self.reading_late_s = 0.0
         self.brake_share = self.torque_share = 1.0
+        self.encoder_lies_ms: list[int] = []
         self.state_seen_ms = 0.0
         self.held: HeldUp | None = None
         self.load_share: Callable[[float], float] | None = None

@@ -87,14 +87,14 @@ def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
         known.brake_late_s = max(known.brake_late_s, watchdog_s)
     if each.kind == "readings_late":
         known.reading_late_s = each.values["late_s"]
-    if each.kind == "contact":
-        known.contact_lies = each.values["open"]
-    if each.kind == "inputs_stuck":
-        # The contact of the brake among them keeps its level, and comes when they live again.
-        known.contact_lies = True
+    if each.kind in ("contact", "inputs_stuck"):
+        # Stuck inputs, the contact of the brake among them, keep their level, and come when they live again.
+        known.contact_lies = each.values.get("open", True)
     if hides_state(each):
         lasts_s = math.inf if each.for_s is None else each.for_s
         known.state_seen_ms = max(known.state_seen_ms, now.ms + 1e3 * lasts_s)
+    if each.where is Place.ENCODER:
+        known.encoder_lies_ms.append(now.ms)
     if each.kind == "load_shift":
         known.load_share = lambda motor_rad: load_share(target, motor_rad)
     if each.kind == "stall":
