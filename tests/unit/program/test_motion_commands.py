@@ -1,6 +1,7 @@
 """Motions that wait, are taken over, ended or refused on their way: what becomes of each."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -142,17 +143,60 @@ def test_a_motion_that_cannot_stop_before_the_end_of_travel_is_refused(way):
 
 
 @BOTH
-def test_a_stop_that_would_leave_the_travel_is_the_ramp_that_is_under_way(way):
-    """From 6 deg/s the motion stops with 5.4 deg/s2 in 3.33 deg, Stop with 5 in 3.75."""
+def test_a_stop_that_would_leave_the_travel_has_the_ramp_of_the_motion(way):
+    """From 6 deg/s the motion stops with 5.4 deg/s2 in 3.33 deg, Stop with 5 in 3.6: 3.4 deg are left."""
     rig = Rig(at_deg=way * 160.0, config=settings(dec=5.4))
     rig.power_up()
     rig.move(way * 180.0)
     rig.until(lambda: way * rig.ref_deg > 176.6, 6.0)
+    here, speed = way * rig.ref_deg, way * rig.vel_deg_s
+    assert speed == approx(6.0, abs=0.01)
     rig.op(stop=True)
     rig.run(3.0)
     assert rig.codes == []
-    assert rig.ref_deg == approx(way * 180.0, abs=1e-6)
+    assert way * rig.ref_deg == approx(here + 36.0 / (2.0 * 5.4), abs=0.01)
     assert rig.axis.state is AxisState.STOPPING
+
+
+# 4 deg/s2 without a limit of jerk, for 1 deg: half of it is made when 2 deg/s are reached, after 0.5 s.
+SOFT = replace(settings().ramps, jog_release_jerk_rad_s3=rad(20.0))
+TAKES_LONGER = replace(settings(), ramps=SOFT)
+
+
+@BOTH
+@pytest.mark.parametrize("ends", [{"stop": True}, {"power": False}, {"lease": 0}])
+def test_no_stop_leads_beyond_the_target_of_a_motion_that_gains_speed(way, ends):
+    """After 0.4 s 0.32 deg are made and 1.6 deg/s reached: on the ramp of the motion 0.32 deg more.
+
+    At 20 deg/s3 of its own the ramp of Stop turns the acceleration round in 0.2 s, 0.37 deg, and takes 0.65 more from
+    2 deg/s: 0.34 deg beyond the target.
+    """
+    rig = Rig(config=TAKES_LONGER)
+    rig.power_up()
+    rig.move(way * 1.0)
+    rig.until(lambda: abs(rig.vel_deg_s) >= 1.6 - 1e-9, 0.5)
+    assert rig.ref_deg == approx(way * 0.32, abs=0.003)
+    told_deg = deg(rig.axis.stopping_angle_rad())
+    if "lease" in ends:
+        rig.axis.stop_by(Code.CTL_15, measured=251.0, limit=250.0)
+        rig.step()
+    else:
+        rig.op(**ends)
+    rig.run(1.5)
+    assert rig.ref_deg == approx(way * 0.64, abs=0.005)
+    assert told_deg == approx(0.32, abs=0.005)
+
+
+@BOTH
+def test_a_stop_that_ends_before_the_target_has_its_own_ramp(way):
+    """The same motion over 3 deg: 0.32 deg are made, and 0.373 and 0.65 more lead to 1.343."""
+    rig = Rig(config=TAKES_LONGER)
+    rig.power_up()
+    rig.move(way * 3.0)
+    rig.until(lambda: abs(rig.vel_deg_s) >= 1.6 - 1e-9, 0.5)
+    rig.op(stop=True)
+    rig.run(2.5)
+    assert rig.ref_deg == approx(way * 1.343, abs=0.006)
 
 
 def test_an_override_that_would_leave_the_travel_stays_what_it_was():

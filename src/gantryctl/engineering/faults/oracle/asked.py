@@ -120,7 +120,6 @@ class Asked:
         if stopping:
             # Halt has the ramp of a move, stop and power off that of a key.
             self._ends_by(now, vel, halt=op.halt)
-            self._leads_to_rest(vel, angle, halt=op.halt)
             # As behind a move: a key that is still held then ends nothing.
             self._key_counts = False
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
@@ -216,24 +215,6 @@ class Asked:
         fastest = abs(vel) / self._ratio + 0.5 * acc**2 / jerk
         ramp_s = fastest / dec + (acc + dec) / jerk
         self.until_ms = now + 1e3 * ramp_s + _COMES_TO_REST_MS
-
-    def _leads_to_rest(self, vel: float, angle: float, *, halt: bool) -> None:
-        """A stop leads to the end of its ramp, which may lie beyond the target.
-
-        A stop that comes while a move still gains speed must first turn its acceleration round: by 0.1 of its speed in
-        s on the reference gantry, where a move turns it at once (seed 101 of the runs without an alarm: 0.42 deg).
-        """
-        if abs(vel) <= self._settled:
-            return
-        acc, (dec, jerk) = self._ramps.acc_rad_s2, self._stop_ramp(halt=halt)
-        speed, turns_s = abs(vel) / self._ratio, acc / jerk
-        fastest = speed + 0.5 * acc * turns_s
-        # From there a slow axis is at rest before its deceleration is as large as it may be.
-        dec = min(dec, math.sqrt(jerk * fastest))
-        way = speed * turns_s + acc * turns_s**2 / 3.0 + 0.5 * fastest * (fastest / dec + dec / jerk)
-        rest = angle + math.copysign(way * self._ratio, vel)
-        low, high = self.way
-        self.way = min(low, rest - self._sag), max(high, rest + self._sag)
 
     def _stop_ramp(self, *, halt: bool) -> tuple[float, float]:
         """Deceleration and jerk of a stop: that of a key, or for Halt of a move where that is slower."""
