@@ -17,6 +17,7 @@ import Dial from '../src/parts/Dial.svelte';
 import HoldKey from '../src/parts/HoldKey.svelte';
 import Overview from '../src/parts/Overview.svelte';
 import Reset from '../src/parts/Reset.svelte';
+import SpeedSettings from '../src/parts/SpeedSettings.svelte';
 import type { Reply, Welcome } from '../src/lib/protocol';
 import type { AlarmRow, Tags } from '../src/lib/tables';
 import { key, leave, show } from './mounted';
@@ -421,4 +422,34 @@ test('the imbalance of a table is told in newton metres, and that of a gantry in
   expect(told(1000)).toBe('1.00 kN m hangs at 0°');
   expect(told(25580)).toBe('25.58 kN m hangs at 0°');
   expect(told(null)).toBe('– kN m learned by motion both ways');
+});
+
+test('a slow axis is told two digits of its slowest speed, wherever a speed stands', () => {
+  const YAW: Partial<Tags> = {
+    vel_act_deg_s: 0.0483, speed_min_deg_s: 0.048, speed_max_deg_s: 0.48, speed_setting_deg_s: 0.0512, at_rest: true,
+  }; // prettier-ignore
+  const told = (part: Component, tags: Partial<Tags>): string =>
+    show(part, {}, tags).textContent?.replace(/\s+/g, ' ') ?? '';
+  expect(told(Overview, YAW)).toContain('0.048 °/s');
+  expect(told(Display, YAW)).toContain('0.051 °/s');
+  expect(told(SpeedSettings, YAW)).toContain('0.0085 r/min (0.051 °/s)');
+  const gantry = {
+    ...YAW,
+    vel_act_deg_s: 5.987,
+    speed_min_deg_s: 0.6,
+    speed_max_deg_s: 6,
+    speed_setting_deg_s: 6,
+  };
+  expect(told(Overview, gantry)).toContain('5.99 °/s');
+  expect(told(SpeedSettings, gantry)).toContain('1.000 r/min (6.000 °/s)');
+});
+
+test('the words of both ends of a spiral lie beside each other and not over each other', () => {
+  show(Dial, {}, { axis_kind: 'linear', pos_act_deg: 0, pos_min_deg: -360, pos_max_deg: 360 });
+  const at = (word: string): number => {
+    const found = [...document.querySelectorAll('text')].find((each) => each.textContent === word);
+    return Number(found?.getAttribute('x'));
+  };
+  // Five letters of 10 units are some 27 wide, and centred.
+  expect(Math.abs(at('+360') - at('−360'))).toBeGreaterThan(30);
 });

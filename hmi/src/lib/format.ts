@@ -23,6 +23,11 @@ export function decimalsOf(size: number | null | undefined): number {
   return size == null || !(size > 0) ? 0 : Math.max(0, 1 - Math.floor(Math.log10(size)));
 }
 
+/** Decimals of a speed, at least so many: two digits of the slowest setting of the axis. */
+export function speedDecimals(slowest: number | null | undefined, least: number): number {
+  return Math.max(least, decimalsOf(slowest));
+}
+
 /** deg/s of the gantry as r/min. */
 export function rpm(deg_s: number | null | undefined): number | null {
   return deg_s == null ? null : deg_s / 6;
