@@ -48,6 +48,7 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
         # A lease must not outlive the gateway that renews it.
         for client in hub.clients():
             hub.leave(client)
+        hub.logins.close()
         hub.refusals.close()
         for task in tasks:
             task.cancel()

@@ -117,7 +117,7 @@ class Live:
                     return None
 
     def _log(self, client: Client, text: str) -> None:
-        self._hub.events.put("login", text, client.who)
+        self._hub.logins.put(text, client.who)
 
 
 async def _deny(socket: WebSocket, status: int, code: Code, reason: Words) -> None:

@@ -92,10 +92,15 @@ def test_what_was_refused_and_counted_is_written_at_the_end(
     async def during() -> None:
         for _ in range(3):
             hub.refusals.put_text(Identity("", "anna", Role.VIEWER, "remote"), "read", "x", "view", refused)
+        for _ in range(202):
+            hub.logins.put("connected", Identity("", "ben", Role.VIEWER, "remote"))
 
     asyncio.run(gateway.live(during))
-    assert len(written) == 2
-    assert "2 times in" in written[1]
+    assert written[1:201] == ["connected"] * 200
+    others = sorted([written[0], *written[201:]])
+    assert len(others) == 3
+    assert others[0] == "connected; 1 more since the row before"
+    assert "2 times in" in "".join(others[1:])
 
 
 @pytest.mark.parametrize(("place", "name"), [(Hub, "run"), (module, "_beat")], ids=["picture", "beat"])

@@ -30,12 +30,12 @@ class Desk:
         self.waits: list[float | None] = []
         self.takes: BaseException | None = None
         self.texts = [STATUS, REPLY]
-        self.places, self.room = 1, True
+        self.places, self.room, self.breaks, self.tasks = 1, True, 99, 0
         self.patch, self.later = monkeypatch, list[Any]()
         self.client = SimpleNamespace(
             who="who", wake=asyncio.Event(), displaced=False, take=self.take, outgoing=self.outgoing
         )
-        self.events = SimpleNamespace(put=lambda *event: self.did.append(event))
+        self.logins = SimpleNamespace(put=lambda *event: self.did.append(("login", *event)))
         hub: Any = self
         links: Any = SimpleNamespace(give=lambda uid: f"http://page/{uid}")
         self.server = LocalServer(Path("state"), hub, lambda user: f"person of {user}", links)
@@ -95,7 +95,7 @@ class Desk:
             write=lambda data: self.did.append(("sent", data)),
             close=lambda: self.did.append("closed"),
             drain=drain,
-            transport=SimpleNamespace(abort=lambda: self.did.append("aborted")),
+            transport=SimpleNamespace(abort=lambda: self.did.append("aborted"), is_closing=self.is_broken),
         )
         self.client.wake.set()
 
@@ -108,9 +108,13 @@ class Desk:
                 lambda s, do, *how: self.later.append(do) if s == at_end else later(s, do, *how),
             )
             await self.server._serve(reader, writer)
+            self.tasks = len(asyncio.all_tasks())
 
         asyncio.run(whole())
         return self.did
+
+    def is_broken(self) -> bool:
+        return len(self.sent()) >= self.breaks
 
     def sent(self) -> list[bytes]:
         return [each[1] for each in self.did if each[0] == "sent"]
@@ -137,6 +141,18 @@ def test_who_comes_is_whom_the_system_names_at_the_machine_with_his_person(desk:
     (cut_off,) = desk.later
     cut_off()
     assert did[-1] == "aborted"
+
+
+def test_a_connection_that_has_ended_is_written_to_no_more(desk: Desk) -> None:
+    """Each text would be a line in the log of the service, which any user of the socket could fill."""
+    desk.breaks, desk.texts = 2, 9 * [REPLY]
+    desk.serve(line(watch=True), b"one\n", b"two\n")
+    assert desk.sent() == [b"welcome\n", REPLY.encode() + b"\n"]
+
+
+def test_nothing_that_sends_is_left_to_the_garbage_collector(desk: Desk) -> None:
+    desk.serve(line(watch=True), b"one\n")
+    assert desk.tasks == 1
 
 
 def test_the_link_is_for_the_user_who_asks_and_in_the_journal(desk: Desk) -> None:

@@ -88,6 +88,7 @@ class Desk:
             self.options(**options),
         )
         found.hub.events.put = lambda kind, text, *_, **values: self.event(kind, text, values)  # type: ignore[method-assign]
+        found.hub.logins.close = lambda: self.did.append("logins closed")  # type: ignore[method-assign]
         found.hub.refusals.close = lambda: self.did.append("refusals closed")  # type: ignore[method-assign]
         self.patch.setattr(found.memory, "close", lambda: self.did.append("memory closed"))
         return found
@@ -214,8 +215,8 @@ def test_the_axis_ends_first_and_the_journal_last_whatever_signal_comes(desk: De
     assert desk.did == [
         "self-test", "recorder kept", "controller kept", "gateway kept", "opcua kept", "socket opened", "ready",
         "READY", "STOPPING", "the service ends", "gateway left", "opcua left", "controller ended in 25 s",
-        "gateway ended in 8 s", "opcua ended in 8 s", "refusals closed", "recorder ended in 8 s", "memory closed",
-        "socket closed",
+        "gateway ended in 8 s", "opcua ended in 8 s", "logins closed", "refusals closed", "recorder ended in 8 s",
+        "memory closed", "socket closed",
     ]  # fmt: skip
     assert ended == [False, True]
     assert desk.events[0] == ("service", "self-test", {"clock": "fine"})
@@ -224,7 +225,13 @@ def test_the_axis_ends_first_and_the_journal_last_whatever_signal_comes(desk: De
 def test_a_controller_that_cannot_be_kept_ends_the_service_with_an_error(desk: Desk) -> None:
     made = desk.made(page=False)
     assert desk.run(made, part(made.controller).over.set) == DeviceError.exit_code != 0
-    assert desk.did[-4:] == ["refusals closed", "recorder ended in 8 s", "memory closed", "socket closed"]
+    assert desk.did[-5:] == [
+        "logins closed",
+        "refusals closed",
+        "recorder ended in 8 s",
+        "memory closed",
+        "socket closed",
+    ]
 
 
 @pytest.mark.parametrize("how", ["too long", "ended"])
@@ -250,8 +257,9 @@ def test_a_controller_that_does_not_start_leaves_no_process_behind(desk: Desk, h
         desk.run(made, lambda: None)
     assert turns == (21 if how == "too long" else 1)
     assert "ready" not in desk.did
-    assert desk.did[-5:] == [
-        "controller ended in 25 s", "refusals closed", "recorder ended in 8 s", "memory closed", "socket closed"
+    assert desk.did[-6:] == [
+        "controller ended in 25 s", "logins closed", "refusals closed", "recorder ended in 8 s",
+        "memory closed", "socket closed",
     ]  # fmt: skip
 
 
@@ -262,8 +270,8 @@ def test_a_watch_that_fails_ends_the_service_in_order_with_its_reason(desk: Desk
     desk.watch = fails
     with pytest.raises(DeviceError, match=r"the first process of the service failed.*no clock"):
         desk.run(desk.made(page=False), lambda: None)
-    assert desk.did[-5:-1] == [
-        "controller ended in 25 s", "refusals closed", "recorder ended in 8 s", "memory closed"
+    assert desk.did[-6:-1] == [
+        "controller ended in 25 s", "logins closed", "refusals closed", "recorder ended in 8 s", "memory closed"
     ]  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from typing import Any, Final, NamedTuple
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.commit_wait import CommitWait
+from gantryctl.service.clients.logins import LoginLog
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.held_up import HeldUp
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
@@ -178,7 +179,7 @@ class Hub:
 
     Attributes:
         slow_version: of the tags that are sent on change.
-        events: journal events of this source. refusals: those of refused commands.
+        events: journal events of this source. refusals: those of refused commands. logins: of who comes and goes.
     """
 
     def __init__(
@@ -188,7 +189,7 @@ class Hub:
         self._memory, self._source = memory, source
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
-        self.refusals = RefusalLog(self.events, now)
+        self.refusals, self.logins = RefusalLog(self.events, now), LoginLog(self.events, now)
         self._snapshot = Snapshot(memory)
         self._commits = CommitWait(memory.events[Source.CONTROLLER], now)
         self._clients: dict[str, Client] = {}

@@ -83,12 +83,12 @@ class LocalServer:
             writer.close()
             return
         client = self._hub.connect(user, role, "local", self._person(user))
-        self._hub.events.put("login", f"{user} at the local socket", client.who)
+        self._hub.logins.put(f"{user} at the local socket", client.who)
         sender: asyncio.Task[None] | None = None
         try:
             first = json.loads(await asyncio.wait_for(reader.readline(), _SEND_S))
             if isinstance(first, dict) and first.get("console") is True:
-                self._hub.events.put("login", "asked for a link to the page as the console", client.who)
+                self._hub.logins.put("asked for a link to the page as the console", client.who)
                 writer.write(compact({"link": self._links.give(uid)}).encode() + b"\n")
                 return
             watch = isinstance(first, dict) and first.get("watch") is True
@@ -98,12 +98,14 @@ class LocalServer:
         except (TimeoutError, ConnectionError, ValueError, RecursionError, Flooded, asyncio.CancelledError):
             pass  # all of them end the connection
         finally:
-            if sender is not None:
-                sender.cancel()
             self._hub.leave(client)
             writer.close()
             # The last replies have some time; who does not read them keeps no handle for longer.
             asyncio.get_running_loop().call_later(_SEND_S, writer.transport.abort)
+            if sender is not None:
+                sender.cancel()
+                # Nothing else holds it: on its way out it would be taken apart by the garbage collector.
+                await asyncio.gather(sender, return_exceptions=True)
 
     async def _send(self, client: Client, writer: asyncio.StreamWriter, *, watch: bool) -> None:
         writer.write(self._hub.welcome(client.who).encode() + b"\n")
@@ -113,10 +115,15 @@ class LocalServer:
                 writer.transport.abort()
                 return
             for text in client.outgoing():
+                # What is written to a connection that has ended is a line in the log each time.
+                if writer.transport.is_closing():
+                    return
                 if watch or '"type":"status"' not in text[:20]:
                     writer.write(text.encode() + b"\n")
             try:
-                await asyncio.wait_for(writer.drain(), _SEND_S)
+                # Not `wait_for`: in Python 3.11 it may drop the cancellation, and this would wait without end.
+                async with asyncio.timeout(_SEND_S):
+                    await writer.drain()
             except (TimeoutError, ConnectionError):
                 # What nobody reads must not keep the connection.
                 writer.transport.abort()

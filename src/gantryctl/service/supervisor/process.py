@@ -234,6 +234,7 @@ class Supervisor:
         await self.controller.end(_CONTROLLER_END_S)
         for child in viewers:
             await child.end(_END_S)
+        self.hub.logins.close()
         self.hub.refusals.close()
         os.close(self._here)
         await self.recorder.end(_END_S)
