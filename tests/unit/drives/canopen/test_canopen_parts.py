@@ -323,6 +323,7 @@ def test_any_drive_gets_telegrams_that_fit(present: frozenset[m.Signal], by_60fe
     assert len(plan.rpdos) == 1 + by_60fe
     assert 1 <= len(plan.tpdos) <= 2
     assert all(0 < pdo.size <= 8 for pdo in (*plan.rpdos, *plan.tpdos))
+    assert all(len(set(pdo.signals)) == len(pdo.signals) for pdo in (*plan.rpdos, *plan.tpdos))
     assert {m.CONTROLWORD, m.TARGET_VELOCITY, m.STATUSWORD, m.POSITION} <= plan.signals
     assert plan.signals - {m.CONTROLWORD, m.TARGET_VELOCITY, m.STATUSWORD, m.POSITION, m.OUTPUTS} <= present
 
