@@ -154,7 +154,7 @@ def test_times_and_rates_are_those_of_the_manual() -> None:
         "MESSAGE_MAX": 16_384, "FRAME_S": 0.05, "KEY_FRAME_S": 0.02, "VIEW_MAX_S": 0.5, "STALE_S": 0.5,
         "RENEW_S": 0.03, "HELD_S": 30.0, "SILENCE_S": 2.0, "WATCHED_S": 1.0, "ARMED_S": 10.0, "LINK_S": 60.0,
         "ANSWER_S": 1.0, "KEEP_S": 1.0, "COMMANDS_PER_S": 20.0, "SIGNS_PER_S": 100.0, "FLOOD_PER_S": 200.0,
-        "_SENDERS": 10_000,
+        "FLOOD_BYTES": 1024, "_SENDERS": 10_000,
     }  # fmt: skip
     assert {name: getattr(limits, name) for name in wanted} == wanted
 

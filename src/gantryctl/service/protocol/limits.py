@@ -50,8 +50,9 @@ KEEP_S: Final = 1.0
 COMMANDS_PER_S: Final = 20.0
 # Signs of life of each kind; surplus ones are dropped. A held key renews 50 + 33 times a second.
 SIGNS_PER_S: Final = 100.0
-# Messages of any kind; a connection that sends more is closed.
+# Messages of any kind; a connection that sends more is closed. One that is longer counts once more for each of these.
 FLOOD_PER_S: Final = 200.0
+FLOOD_BYTES: Final = 1024
 _SENDERS: Final = 10_000
 
 
