@@ -235,10 +235,10 @@ RULES: Final[dict[type, Rules]] = {
         count="_gap_scans _inputs_age _late_age _speed_age age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         # `_rest` is what other attributes were taken from.
-        clock="_drift _gap_way _rest _step _step_before _torque_left_nm _torque_twist_nm _turn_scan _turn_vel "
-        "_uneven_scan _vel_before",
-        fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _swing_nm _turn_base "
-        "_turn_per_torque _twist_share _vel_max "
+        clock="_drift _gap_counts _gap_vel _gap_way _rest _step _step_before _torque_left_nm _torque_twist_nm "
+        "_turn_scan _turn_vel _uneven_scan _vel_before",
+        fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _rests_after _stands_from _swing_nm "
+        "_turn_base _turn_per_torque _twist_share _vel_max "
         "_change_any _change_per_torque "
         "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
         "_jump_per_speed _old_scans _period_s _ratio _rest_rad_s read_rad",

@@ -632,3 +632,43 @@ def test_an_encoder_has_its_alarm_as_long_as_it_shows_it():
     encoder.scan()
     assert not encoder.feedback.encoder_alarm
     assert encoder.feedback.in_doubt, "until service has compared the angle"
+
+
+@BOTH
+@PERIODS
+@pytest.mark.parametrize(
+    ("speed_deg_s", "way_deg", "frozen"),
+    [(1.0, 0.0, True), (1.0, 0.0028, True), (1.0, 0.0031, False), (0.11, 0.0, True), (0.09, 0.0, False)],
+)
+def test_a_reading_that_comes_again_nearer_than_any_axis_comes_to_rest_is_frozen(
+    period_s, way, speed_deg_s, way_deg, frozen
+):
+    """No positions for forty scans of a stop by the brake. From 1 deg/s 169 deg/s2 take 0.00296 deg."""
+    encoder = Encoder(period_s, way * speed_deg_s, monitors=ROTOR)
+    encoder.command_deg_s, last = 0.0, encoder.feedback.counts
+    for age in range(1, 41):
+        encoder.scan(counts=last, age_scans=age, speed_age_scans=age)
+    stopped = {"state": OFF, "brake_open": False, "speed_deg_s": 0.0}
+    again = last + way * way_deg * COUNTS_PER_DEG
+    scans = 0
+    while "ENC-02" not in encoder.codes and scans < 100:
+        encoder.scan(counts=again, **stopped)
+        scans += 1
+    # The first reading that comes again makes a step, and stands from the next on; 30 ms, three scans at least.
+    stands_s = in_scans(0.030, period_s) + period_s * (way_deg > 0.0)
+    assert scans == (round(stands_s / period_s) if frozen else 100)
+    assert encoder.feedback.position_valid is not frozen
+
+
+def test_a_reading_that_moves_on_behind_a_gap_may_stand_later_where_it_was():
+    """It swings back to the count of before the gap, and rests there 0.1 s after the telegrams came again."""
+    encoder = Encoder(0.001, 1.0, monitors=ROTOR)
+    encoder.command_deg_s, last = 0.0, encoder.feedback.counts
+    for age in range(1, 41):
+        encoder.scan(counts=last, age_scans=age, speed_age_scans=age)
+    stopped = {"state": OFF, "brake_open": False, "speed_deg_s": 0.0}
+    for scan in range(100):
+        encoder.scan(counts=last + 20.0 * (100 - scan), **stopped)
+    for _ in range(100):
+        encoder.scan(counts=last, **stopped)
+    assert "ENC-02" not in encoder.codes

@@ -6,6 +6,7 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag
 from gantryctl.program import AxisState, BrakeTestOutcome
+from gantryctl.program.alarms.codes import Reaction
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.power.phases import Proof
 from gantryctl.program.settings import StandstillPolicy
@@ -280,3 +281,37 @@ def test_a_silence_as_the_drive_opens_its_brake_lets_the_drive_close_it_first(ow
         asked += rig.output.request is DriveRequest.QUICK_STOP
     assert rig.output.request is DriveRequest.DISABLE
     assert asked * rig.period_s == approx(0.35 if owned else 0.0, abs=2.0 * rig.period_s)
+
+
+@pytest.mark.parametrize(("brake_open", "told"), [(True, Reaction.TORQUE_OFF), (False, Reaction.QUICK_STOP)])
+def test_a_drive_that_is_stopped_as_it_opens_its_brake_is_told_as_without_torque(brake_open, told):
+    """Before Operation enabled it has no ramp whose end closes the brake first: its torque has gone."""
+    says = {"state": DriveState.SWITCHED_ON}
+    rig = Rig(config=settings(brake_by_drive=True))
+    rig.spoil = lambda drive: drive._replace(**says)
+    rig.op(power=True)
+    rig.run(0.05)
+    rig.op(quick_stop=True)
+    rig.step()
+    assert (rig.axis.power.phase, rig.output.request) == (P.DISABLING, DriveRequest.QUICK_STOP)
+    says |= {"state": DriveState.SWITCH_ON_DISABLED, "brake_open": brake_open}
+    rig.run(0.02)
+    first = rig.axis.alarms.first_out
+    assert (first.code, first.reaction) == ("INT-06", told)
+    assert rig.output.request is DriveRequest.DISABLE
+
+
+@pytest.mark.parametrize(("contact", "told"), [(False, Reaction.TORQUE_OFF), (True, Reaction.QUICK_STOP)])
+def test_a_drive_that_does_not_end_its_quick_stop_and_shows_no_brake_is_told_as_without_torque(contact, told):
+    """The torque goes 0.2 s and the time of the contact behind the closing time, whether its brake holds or not."""
+    rig, says = Rig(config=settings(brake_by_drive=True)), {"brake_open": True, "brake_contact": contact}
+    rig.spoil = lambda drive: drive._replace(**says)
+    rig.power_up()
+    rig.op(quick_stop=True)
+    says |= {"state": DriveState.QUICK_STOP_ACTIVE, "brake_open": not contact}
+    rig.step()
+    rig.until(lambda: rig.axis.power.phase not in (P.QUICK_STOPPING, P.CLOSING), 5.0)
+    rig.step()
+    first = rig.axis.alarms.first_out
+    assert (first.code, first.reaction) == ("INT-06", told)
+    assert rig.output.request is DriveRequest.DISABLE

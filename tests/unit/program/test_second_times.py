@@ -127,10 +127,16 @@ def test_each_power_up_proves_its_torque_anew():
     assert rig.axis.power.proof is Proof.NOT_DONE
 
 
-@pytest.mark.parametrize(("by_drive", "asked"), [(True, 1), (False, 0)])
-def test_a_reading_that_no_proof_has_shown_is_asked_after_50_ms(by_drive, asked):
-    """It stands to the count; one that a proof has moved is believed for 0.3 s. The sag is watched for 0.2 s."""
-    rig = Rig(config=settings(monitors={"encoder_still_time_s": 0.3}, brake_by_drive=by_drive))
+@pytest.mark.parametrize(
+    ("by_drive", "least_nm", "asked"), [(True, 0.0, 1), (False, 0.0, 0), (False, 29.9, 0), (False, 30.1, 1)]
+)
+def test_a_reading_that_no_proof_has_shown_is_asked_after_50_ms(by_drive, least_nm, asked):
+    """It stands to the count; one that a proof has moved is believed for 0.3 s. The sag is watched for 0.2 s.
+
+    The proof of 30 N m moves no reading whose step takes more.
+    """
+    monitors = {"encoder_still_time_s": 0.3, "twist_least_nm": least_nm}
+    rig = Rig(config=settings(monitors=monitors, brake_by_drive=by_drive, proof_torque_nm=30.0))
     rig.op(power=True)
     rig.until(lambda: rig.axis.power.phase is P.SAG_WATCH, 5.0)
     rig.spoil = lambda drive: drive._replace(pos_act_counts=float(round(rig.axis.feedback.counts)))

@@ -25,7 +25,7 @@ from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
-from gantryctl.program.power.phases import PowerPhase, Proof
+from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
@@ -432,7 +432,7 @@ class Axis:
         if power.phase is _ON:
             self.liveness.stand(proven=True)
         elif power.phase is PowerPhase.SAG_WATCH:
-            self.liveness.stand(proven=power.proof is Proof.PROVEN)
+            self.liveness.stand(proven=power.reading_shown)
         elif power.phase in _STOPPING and self.feedback.brake_open:
             self.liveness.stop()
 

@@ -271,6 +271,11 @@ class PowerSequence:
         return self._drive_owns_brake and (opening or begun)
 
     @property
+    def reading_shown(self) -> bool:
+        """The proof before the brake opened has shown the torque, and the shaft turned enough for the reading."""
+        return self.proof is Proof.PROVEN and self._torque_proof.turns_shaft
+
+    @property
     def ramp_left(self) -> bool:
         """In a quick stop: the drive is faster than its ramp."""
         return self._ramp.left
@@ -431,6 +436,9 @@ class PowerSequence:
             self._unload()
         elif self._count > self._close_late_scans:
             self._brake_still_open()
+            if self._drive_owns_brake and not self._feedback.brake_known:
+                # It has not ended its quick stop, and nobody sees whether it has closed its brake.
+                self._tell_torque_off()
             # Only unloading shows whether a brake without its contact holds.
             self._unload()
 
@@ -488,7 +496,17 @@ class PowerSequence:
         elif self.request is DriveRequest.DISABLE or self._count > (
             self._disabling_scans if self._feedback.state_old else _SHOWN_SCANS
         ):
+            if self._drive_owns_brake and self._feedback.brake_known and self._feedback.brake_open:
+                # Stopped while it opened its brake it took its torque off at once: before Operation enabled it has no
+                # ramp at whose end it would close the brake first (seed 10339 of axes on the bus, 2 ms before that).
+                self._tell_torque_off()
             self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
+
+    def _tell_torque_off(self) -> None:
+        """Tell of a stop that its torque has gone, or goes, before the brake holds."""
+        first = self._alarms.first_out
+        if first is not None:
+            self._alarms.raise_(first.code, reaction=Reaction.TORQUE_OFF)
 
     def _torque_kept(self, limit: int) -> None:
         """Raise DRV-03 for a drive that shows after so many scans that it has not taken its torque off."""

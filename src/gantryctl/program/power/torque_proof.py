@@ -60,6 +60,11 @@ class TorqueProof:
         self._begin, self._little, self._turned = counts, (counts, 0), 0.0
         return proof_nm
 
+    @property
+    def turns_shaft(self) -> bool:
+        """The proof torque turns the shaft of the closed brake by a step of the reading."""
+        return self._twist.expects(self._holding.proof_nm)
+
     def given(self, scans: int) -> bool:
         """Judge one scan under the proof torque; an alarm where the motor gives too much, or too little for too long.
 

@@ -16,7 +16,8 @@ class Twist:
     The reference brake gives way by 5e-4 rad up to its full torque, so 30 of 400 N m are 25 counts of 2^22 and 3 of
     2^19; play in the hub of a brake adds to it. A reading that shows none of it is frozen, one that turns the other way
     has the wrong sign, and the brake stays closed. A small torque may turn the shaft by less than a count: 1 N m of a
-    brake of 44 does by 0.9 of 2^19, and nothing follows from it.
+    brake of 44 does by 0.9 of 2^19, and nothing follows from it but that the reading is asked as soon as the brake is
+    open (`Liveness`).
     """
 
     __slots__ = (
@@ -50,11 +51,15 @@ class Twist:
         self._with, self._against = max(self._with, turned), max(self._against, -turned)
         self._scans += self._feedback.periods
 
+    def expects(self, torque_nm: float) -> bool:
+        """Whether so much torque turns the shaft by a step of the reading."""
+        return abs(torque_nm) >= self._least_nm
+
     def shown(self, torque_nm: float) -> bool:
         """Whether the reading has turned with the torque; else it is in doubt."""
         if self._with >= 1.0 or not self._fine:
             return True
-        if abs(torque_nm) < self._least_nm:
+        if not self.expects(torque_nm):
             return True
         if not self.stood(torque_nm):
             words = Words.TURNED_AGAINST(value=self._against, torque=torque_nm)
@@ -63,7 +68,7 @@ class Twist:
 
     def stood(self, torque_nm: float) -> bool:
         """Whether the reading has shown nothing at all, neither the torque nor a load that swings: it is in doubt."""
-        if max(self._with, self._against) >= 1.0 or not self._fine or abs(torque_nm) < self._least_nm:
+        if max(self._with, self._against) >= 1.0 or not self._fine or not self.expects(torque_nm):
             return False
         words = Words.WHILE_TORQUE(value=torque_nm)
         self._feedback.doubt(Code.ENC_02, measured=words, time_ms=self._scans * self._period_s * 1e3)
