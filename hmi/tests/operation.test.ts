@@ -233,3 +233,22 @@ test.each([
   expect(document.querySelector('.nextstep')?.textContent).toContain(said);
   prefs.language = 'en';
 });
+
+test('a key that is held where it moves nothing any more says so, and the other one does not', () => {
+  const told = (direction: 'forward' | 'reverse' | null, more: Partial<Tags> = {}): string | undefined => {
+    hold.direction = direction;
+    show(Operation, {}, {
+      mode: 'continuous', pos_ref_deg: 99.872, vel_ref_deg_s: 0, reach_min_deg: -219.5, reach_max_deg: 99.872232,
+      ...more,
+    }); // prettier-ignore
+    const text = document.querySelector('#jog-why')?.textContent?.trim();
+    hold.direction = null;
+    return text;
+  };
+  expect(told('forward')).toBe('It goes no further: 99.87° is the end of travel, or before a no-go sector.');
+  expect(told('reverse')).not.toContain('no further');
+  expect(told(null)).not.toContain('no further');
+  expect(told('forward', { vel_ref_deg_s: 0.3 })).not.toContain('no further');
+  expect(told('forward', { pos_ref_deg: 98 })).not.toContain('no further');
+  expect(told('reverse', { pos_ref_deg: -219.5 })).toContain('−219.50° is the end');
+});

@@ -187,6 +187,7 @@ export const en = {
   lease_left: 'stops by itself in {ms} ms',
   lease_none: 'not held',
   hold_hint: 'Moves while a key is held. Mouse, finger, or space bar.',
+  key_at_end: 'It goes no further: {angle} is the end of travel, or before a no-go sector.',
   ended_released: 'Released.',
   ended_both: 'Both keys: stopped.',
   ended_left: 'The page lost the focus: stopped.',

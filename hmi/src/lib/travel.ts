@@ -199,6 +199,13 @@ export function rests(tags: Known): boolean {
   return at_rest === true && vel != null && Math.abs(vel) <= REST_SHARE * (slowest ?? 0);
 }
 
+/** The angle beyond which a key moves nothing, where the set-point stands there; null elsewhere. */
+export function endOfKey(direction: 'forward' | 'reverse', tags: Known): number | null {
+  const end = direction === 'forward' ? tags.reach_max_deg : tags.reach_min_deg;
+  const { pos_ref_deg: pos, vel_ref_deg_s: vel } = tags;
+  return end != null && pos != null && vel === 0 && Math.abs(pos - end) < EDGE_DEG ? end : null;
+}
+
 /** Angles that are worth a button: inside of what the set-point can reach, not its ends. */
 export function usual(tags: Known): number[] {
   const { low: bottom, high: top } = reach(tags);

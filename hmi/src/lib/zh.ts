@@ -180,6 +180,7 @@ export const zh: Record<Key, string> = {
   lease_left: '{ms} 毫秒后自动停止',
   lease_none: '未按住',
   hold_hint: '按住按键时运动。可用鼠标、手指或空格键。',
+  key_at_end: '到此为止：{angle} 是行程终点，或在禁区之前。',
   ended_released: '已松开。',
   ended_both: '两键同时按下：已停止。',
   ended_left: '页面失去焦点：已停止。',

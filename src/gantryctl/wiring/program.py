@@ -32,7 +32,8 @@ from gantryctl.wiring.compensation import compensation_settings
 _MS: Final = 1e-3
 # A reading that stands still for so long is tried (A3): the longest of a sound one under load is 0.09 s.
 _STILL_S: Final = 0.25
-_STILL_TORQUE_NM: Final = 40.0
+# Of the rated torque: 40 N m on the reference gantry. A motor of 200 W never comes to these.
+_STILL_TORQUE_SHARE: Final = 40.0 / 257.0
 # 30 N m turn the reference shaft by 3.75e-5 rad against its closed brake of 400: 1.6 steps of such an encoder.
 _FINE_STEPS: Final = 2**18
 _TWIST_SHARE: Final = 30.0 / 400.0
@@ -256,7 +257,7 @@ def _monitors(machine: Machine) -> MonitorSettings:
     per_torque = math.inf if ideal else 1.0 / (motor.inertia_kg_m2 * ratio)
     return MonitorSettings(
         encoder_still_time_s=math.inf if ideal else _STILL_S,
-        torque_still_max_nm=_STILL_TORQUE_NM if fine else math.inf,
+        torque_still_max_nm=_STILL_TORQUE_SHARE * motor.torque_rated_nm if fine else math.inf,
         encoder_shows_twist=fine,
         twist_least_nm=_TWIST_SHARE * machine.brake.torque_nm * _FINE_STEPS / machine.counts_per_turn,
         speed_reading_max_rad_s=2.0 * rad_s_from_r_min(motor.speed_max_r_min) / ratio,

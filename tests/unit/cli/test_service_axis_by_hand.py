@@ -10,7 +10,7 @@ import pytest
 
 from gantryctl.cli.axis import move as move_command
 from gantryctl.cli.axis import service_axis
-from gantryctl.cli.axis.service_axis import ServiceAxis
+from gantryctl.cli.axis.service_axis import ServiceAxis, held_codes
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import default_machine, short_hash
 from gantryctl.operation.client import Ending, Stop
@@ -373,3 +373,15 @@ def test_the_second_person_is_waited_for_and_no_longer(monkeypatch: pytest.Monke
         axis_of(link, monkeypatch).test_brake()
     assert link.asked == ["take"]
     assert looked >= 10
+
+
+def test_codes_that_hold_the_axis_are_those_of_its_alarms_and_of_earlier_stops() -> None:
+    """What the program says is words without a code of its own; a text has none at all."""
+    earlier = {"reason": "SYS-12", "values": {"stopped_by": "BRK-04"}}
+    latched = {"words": "LATCHED", "values": {"code": "INT-06"}}
+    told = [earlier, latched, {"reason": "ENC-09", "values": {}}, "the axis is being commissioned"]
+    assert held_codes({**AT_REST, "alarms": [{"code": "INT-06"}], "blocked_by_messages": told}) == [
+        "INT-06",
+        "BRK-04",
+        "ENC-09",
+    ]

@@ -324,6 +324,7 @@ ROWS: dict[str, Row] = {
     "motor.torque_rated_nm": {
         "program.power.torque_rated_nm": 1.0,
         "program.thermal.torque_rated_nm": 1.0,
+        "program.monitors.torque_still_max_nm": 40.0 / 257.0,
         "drive.torque_rated_nm": 1.0,
         "bus.torque_rated_nm": 1.0,
         "laws.flank_nm": 0.0068 * RATIO,
