@@ -9,6 +9,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.settings import (
     AxisSettings,
     LawSettings,
@@ -40,7 +41,11 @@ class BriefSettings(AxisSettings):
 
 
 def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
-    """Settings of the world: `parks`: the brake holds at standstill."""
+    """Settings of the world: `parks`: the brake holds at standstill.
+
+    Args:
+        torque_preload: without it a brake cannot be tested either, as the machine files have it.
+    """
     travel = WAY_RAD * (1.0 + 1e-6)
     return BriefSettings(
         period_s=PERIOD_S,
@@ -61,6 +66,7 @@ def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
             standstill=StandstillPolicy.BRAKE if parks else StandstillPolicy.SERVO,
             hold_brake_after_s=2.0 * PERIOD_S,
             torque_preload=torque_preload,
+            untestable=None if torque_preload else Words.NO_TORQUE_INPUT,
             learn_time_s=PERIOD_S,
             # The drive takes three scans to its enable.
             power_up_time_s=3.5 * PERIOD_S,

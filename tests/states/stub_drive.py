@@ -181,8 +181,14 @@ class StubDrive:
             pos_rad, self.vel_rad_s, _ = virtual.plan.sample(t)
             jump_rad = _JUMP_RAD if Standing.ENCODER_JUMP in self.standing else 0.0
             # On its grid also when the program begins from a reading that was spoilt.
-            self.pos_rad = round((pos_rad - jump_rad) / GRID_RAD) * GRID_RAD
+            self.pos_rad = on_grid(pos_rad - jump_rad)
         elif Standing.COASTS not in self.standing:
-            # To rest within this scan, on a ramp that takes half of its way.
-            self.pos_rad += 0.5 * self.vel_rad_s * period_s
+            # To rest within this scan, on a ramp that takes half of its way. A shaft at rest beside the grid would jump
+            # onto it when it is followed again.
+            self.pos_rad = on_grid(self.pos_rad + 0.5 * self.vel_rad_s * period_s)
             self.vel_rad_s = 0.0
+
+
+def on_grid(angle_rad: float) -> float:
+    """The nearest angle of the grid."""
+    return round(angle_rad / GRID_RAD) * GRID_RAD

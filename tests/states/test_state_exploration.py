@@ -15,10 +15,11 @@ from gantryctl.program import Axis, AxisState, PowerPhase, Reaction
 from gantryctl.program.power.phases import OUTPUTS
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.service.command import rules
+from gantryctl.units import rad
 from states.abstraction import RULES, Rules, without_rule
 from states.brief_settings import settings
 from states.exploration import Alphabet, Exploration, Found
-from states.people import buttons, commands, without_right
+from states.people import NOTHING, buttons, commands, without_right
 from states.stub_drive import Once, Standing
 from states.world import World
 
@@ -94,6 +95,22 @@ def test_an_attribute_without_a_rule_is_named(monkeypatch: pytest.MonkeyPatch) -
         "PowerSequence.fase: a rule, but no such attribute",
         "PowerSequence.phase: no rule",
     ]
+
+
+def test_a_shaft_that_coasts_comes_to_rest_on_the_grid() -> None:
+    """Beside it, it would jump onto it at standstill: a following error that no axis has."""
+    world = World(settings(parks=False), people=False)
+    # A move from where a load that slipped was seen, to the end of travel: 0.95 deg/s in its middle.
+    world.drive.vel_rad_s = rad(0.95)
+    world.scan(NOTHING)
+    assert (world.drive.pos_rad, world.drive.vel_rad_s) == (pytest.approx(rad(1.0)), 0.0)
+
+
+def test_without_a_torque_input_a_brake_is_not_tested() -> None:
+    world = World(settings(parks=False, torque_preload=False), people=False)
+    for part in world.parts(BRAKE_TEST):
+        world.scan(part)
+    assert (world.axis.power.phase, world.axis.refusal_count) == (PowerPhase.OFF, 1)
 
 
 # Which phases a world must reach; all worlds together reach all fifteen.
