@@ -153,6 +153,19 @@ describe('a move', () => {
     expect(preview()[2]).toMatch(/^−185\.00° \S/);
   });
 
+  test('that nobody has typed goes nowhere, also where another angle reads like this one', () => {
+    const wide = { pos_min_deg: -270, pos_max_deg: 270, reach_min_deg: -270, reach_max_deg: 270 };
+    const ends = { mechanical_stop_min_deg: -273, mechanical_stop_max_deg: 273 };
+    tags({ ...AT, ...wide, ...ends, display: '0..360', pos_ref_deg: -200 });
+    show(Move, { why: '' as const });
+    expect(document.querySelector('input')?.value).toBe('160.00');
+    expect(preview().slice(0, 3)).toEqual(['160.00° (− end)', '160.00° (− end)', '0.00°']);
+    // Typed, it is the place that can be typed.
+    type('160');
+    expect(preview()[1]).toBe('160.00° (+ end)');
+    expect(preview()[2]).toMatch(/^360\.00° \S/);
+  });
+
   test('goes to what is typed, and to nothing that is refused, by the Enter key neither', () => {
     tags(AT);
     const sent = vi.spyOn(link, 'send').mockResolvedValue({ ok: true } as Reply);
