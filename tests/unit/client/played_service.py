@@ -34,7 +34,7 @@ class FakeService:
 
     Attributes:
         sent: the messages in their order, checked as the service does.
-        refused: code by kind of message.
+        refused: code by kind of message. late: the same of what was done, but not kept.
         moves: tags that appear with the reply to a message of a kind.
         epoch: of every reply.
     """
@@ -42,6 +42,7 @@ class FakeService:
     def __init__(self, **values: Any) -> None:
         self.sent: list[dict[str, Any]] = []
         self.refused: dict[str, str] = {}
+        self.late: dict[str, str] = {}
         self.moves: dict[str, dict[str, Any]] = {}
         self.epoch = 7
         self._out: queue.Queue[str | None] = queue.Queue()
@@ -71,7 +72,7 @@ class FakeService:
             "type": "reply",
             "seq": message["seq"],
             "ok": not code,
-            "code": code,
+            "code": code or self.late.get(kind, ""),
             "text": "why",
             "values": {},
         }

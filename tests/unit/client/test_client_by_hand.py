@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import nullcontext, suppress
@@ -13,13 +14,14 @@ from typing import Any, ClassVar
 
 import pytest
 
-from gantryctl.client import Axis, KeyLost, MotionStopped, Refused, Service, held
+from gantryctl.client import Axis, KeyLost, MotionStopped, Refused, Service, held, wires
 from gantryctl.client import axis as client_axis
 from gantryctl.client import service as client_service
 from gantryctl.client.connection import Reply
 from gantryctl.client.service import Recording
 from gantryctl.client.wires import WebSocketWire, refusal_of
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
+from gantryctl.operation.store import SERVICE_SOCKET
 from unit.client.played_service import PATIENCE_S, FakeService
 
 NOT_HELD = {"first_out": True, "code": "BRK-03", "text": "BRK-03 STOP"}
@@ -236,6 +238,37 @@ def test_a_refusal_is_not_among_what_was_done_but_not_kept(axis: Axis, service: 
     with pytest.raises(Refused):
         axis.reset()
     assert not axis._connection.kept_late
+
+
+def test_what_was_done_but_not_kept_is_told(axis: Axis, service: FakeService) -> None:
+    """JRN-03: a person learns that the journal may not have it."""
+    service.late["note"] = "JRN-03"
+    axis.note("a line")
+    assert [(each.ok, each.code) for each in axis._connection.kept_late] == [(True, "JRN-03")]
+
+
+def test_a_brake_test_that_does_not_end_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else it goes on with its torque behind a script that has given it up."""
+    service = FakeService(power=False, power_phase="off", brake_tests=4)
+    with Axis(service) as axis:
+        seen(axis, monkeypatch, {}, {}, {})
+        with pytest.raises(MotionStopped, match="did not end within 120 s"):
+            axis.test_brake()
+        assert service.kinds() == ["brake_test", "stop"]
+
+
+def test_a_service_that_hangs_at_the_socket_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever reads has no end of his own: frames come all the time, so silence is an end."""
+    monkeypatch.setattr(wires, "_SEND_S", 0.05)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as hanging:
+        hanging.bind(str(tmp_path / SERVICE_SOCKET))
+        hanging.listen()
+        wire = wires.LocalWire(tmp_path)
+        try:
+            with pytest.raises(DeviceError, match="has ended"):
+                wire.receive()
+        finally:
+            wire.close()
 
 
 @pytest.mark.parametrize(("replied", "named"), [(8, 8), (7, 7), (6, 7)])
