@@ -239,6 +239,15 @@ def test_stops_of_one_scan_are_one_event_for_each_user_and_a_reply_for_each_page
     assert [each["seq"] for each in link.answers(1)] == [9]
 
 
+def test_stops_of_two_pages_of_a_user_in_one_scan_are_one_event() -> None:
+    """Else a user with sixteen pages fills the journal sixteen times as fast."""
+    link = Link()
+    page, other = pending("a", "stop", seq=1), pending("a2", "stop", seq=5)
+    link.inbox.answer_all([page, other._replace(who=other.who._replace(user="a"))], 8)
+    assert [(each["user"], each["values"].get("count")) for each in link.events()] == [("a", 2)]
+    assert [each["seq"] for each in link.answers()] == [1, 5]
+
+
 @pytest.mark.parametrize("length", [300, 1000])
 def test_a_reply_that_fits_no_slot_goes_without_its_values(length: int) -> None:
     link = Link(reply_slot=512)

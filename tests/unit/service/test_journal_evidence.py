@@ -579,6 +579,30 @@ def test_a_sealed_row_of_a_second_history_is_not_certain_in_the_first(directory:
     assert Span(1, HALF + 4) in verdict.certain
 
 
+def test_nor_is_it_with_all_hashes_made_anew(directory: Path) -> None:
+    """SHA-256 needs no secret: the seal of a row is over the hash that leads to it, so that no other history has it."""
+    kept = older(directory)
+    database = directory / "journal.sqlite"
+    with sqlite3.connect(database) as db:
+        (other,) = db.execute(f"{SELECT} WHERE seq = ?", (HALF + 5,)).fetchall()
+    db.close()
+    put_back(directory, kept)
+    shutil.copy(directory / "journal.mirror", places_of(directory).mirrors[1])
+    add(directory, HALF + 1, EVENTS, "nothing")
+    with sqlite3.connect(database) as db:
+        rows = db.execute(f"{SELECT} ORDER BY seq").fetchall()
+        last = rows[HALF + 3][-2]
+        for row in [other, *rows[HALF + 5 :]]:
+            last = chained(last, content_of(row[0], row[1:-2]))
+            db.execute("DELETE FROM events WHERE seq = ?", (row[0],))
+            db.execute(INSERT, (*row[:-2], last, row[-1]))
+        db.execute("UPDATE head SET hash = ?", (last,))
+    db.close()
+    assert verify_file(database, None).wrong == ""
+    verdict = verify_file(database, read_key(places_of(directory).key))
+    assert verdict.wrong == f"row {HALF + 5} was not sealed with the key of this journal"
+
+
 def test_the_end_is_compared_by_its_hash_too(directory: Path) -> None:
     with sqlite3.connect(directory / "journal.sqlite") as db:
         db.execute("UPDATE head SET hash = ?", ("0" * 64,))
