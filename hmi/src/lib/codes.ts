@@ -116,7 +116,7 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'SEC-07': {"title": "没有控制权", "message": "{reason}", "cause": "该指令需要控制权。", "to_do": "请先取得控制权。"},
   'SEC-08': {"title": "控制权被占用", "message": "{reason}", "cause": "控制权只能在静止时接管，且不能从本地控制台接管。", "to_do": "等待静止，或联系持有控制权的人。"},
   'SEC-09': {"title": "租约失效", "message": "{reason}", "cause": "按住运行的租约一旦结束便不再有效。", "to_do": "松开按键后重新按下。"},
-  'SEC-10': {"title": "未预备", "message": "{reason}", "cause": "未预备、时间过长、属于另一时期、在另一屏幕，或（第二人）由同一人预备。", "to_do": "先预备，再及时执行。"},
+  'SEC-10': {"title": "未预备", "message": "{reason}", "cause": "未预备、时间过长、属于另一时期、在另一屏幕、预备的是另一调试步骤，或（第二人）由同一人预备。", "to_do": "先预备，再及时执行。"},
   'SEC-11': {"title": "证书到期", "message": "{reason}", "cause": "网页、OPC UA 或其客户端的证书将在 30 天内到期，或已到期。", "to_do": "安装新证书。"},
   'SEC-12': {"title": "未找到", "message": "未找到", "cause": "没有该地址或记录。", "to_do": "检查地址。"},
   'SEC-13': {"title": "连接过慢，不能按住运行", "message": "从控制器到此屏幕往返需 {measured:.0f} ms，按住运行的限值为 {limit:.0f} ms：请使用更近的屏幕或有线网络", "cause": "网络过慢时，人看到轴的位置太晚，来不及松开按键。", "to_do": "使用离机器更近的屏幕、有线网络或本地控制台；增量和移动到角度不需要按住按键。"},

@@ -147,9 +147,11 @@ SERVICE: Final = (
     Definition(
         Code.SEC_10, _REFUSED, _REF,
         Text("Not armed", "{reason}",
-             "Not armed, too long ago, in another epoch, at another screen, or (second person) by the same person.",
+             "Not armed, too long ago, in another epoch, at another screen, another step of commissioning, or (second "
+             "person) by the same person.",
              "Arm it, then execute in time."),
-        Text("未预备", "{reason}", "未预备、时间过长、属于另一时期、在另一屏幕，或（第二人）由同一人预备。",
+        Text("未预备", "{reason}",
+             "未预备、时间过长、属于另一时期、在另一屏幕、预备的是另一调试步骤，或（第二人）由同一人预备。",
              "先预备，再及时执行。"),
     ),
     Definition(
