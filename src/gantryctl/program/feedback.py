@@ -325,6 +325,18 @@ class Feedback:
         return self.brake_contact and self._inputs_age < self._old_scans
 
     @property
+    def brake_off(self) -> bool:
+        """The brake is open: its contact says so, or the axis has moved on freely for long against what that says.
+
+        A contact that is believed closed then explains an encoder that freezes in the stop that follows (C6, then A3: a
+        yaw drive went on by 716 N m, and nobody was told).
+        """
+        if self.brake_open:
+            return True
+        moved = self._alarms.active.get(Code.BRK_05)
+        return moved is not None and moved.reaction < Reaction.TORQUE_OFF
+
+    @property
     def energised(self) -> bool:
         """The motor has torque; of a drive that is not heard any more, whether it had."""
         return self.state in ENERGISED or (self.state is DriveState.UNKNOWN and self._was_energised)
@@ -462,7 +474,7 @@ class Feedback:
             scans == 1.0
             and self._alarms.scan - self._late_scan > _LATE_SCANS
             and self.state in ENABLED
-            and self.brake_open
+            and self.brake_off
             and self._alarms.scan > self._let_go_scan
         ):
             # The torque of now that acts in the direction of the change, and what has just gone of one against it: the
@@ -593,7 +605,7 @@ class Feedback:
         commanded = abs(vel_cmd_rad_s) > self._frozen_speed * self._ratio
         if self._froze_in_gap:
             self._vel_before = max(self._vel_before, self._gap_vel)
-        elif not (commanded or self._vel_before > self._stands_from[self.brake_open]):
+        elif not (commanded or self._vel_before > self._stands_from[self.brake_off]):
             self.unchanged_scans = 0
             return
         self.unchanged_scans = self.lasting(self.unchanged_scans)

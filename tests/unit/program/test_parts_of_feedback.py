@@ -672,3 +672,20 @@ def test_a_reading_that_moves_on_behind_a_gap_may_stand_later_where_it_was():
     for _ in range(100):
         encoder.scan(counts=last, **stopped)
     assert "ENC-02" not in encoder.codes
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("moved", "wrong"), [(None, False), (Reaction.QUICK_STOP, True), (Reaction.TORQUE_OFF, False)]
+)
+def test_a_contact_that_the_axis_has_shown_to_lie_explains_no_stop(way, moved, wrong):
+    """0.5 deg/s that are gone in 4 ms: a brake may take 0.2 + 169 x 0.004 = 0.88 deg/s, the drive 0.22.
+
+    One that moved on freely says that its brake is open (BRK-05, quick stop), one that felt it that it is closed.
+    """
+    encoder = Encoder(0.004, way * 0.5, monitors=ROTOR)
+    encoder.said["brake_open"] = False
+    if moved is not None:
+        encoder.alarms.raise_(Code.BRK_05, moved, measured=0.5, error=0.0)
+    encoder.scan(step_deg=-way * 0.5 * 0.004, speed_deg_s=0.0)
+    assert ("ENC-14" in encoder.codes) is wrong

@@ -62,6 +62,24 @@ def test_a_count_that_stands_under_torque_while_the_brake_closes_is_frozen_as_lo
     assert rig.codes == ([] if closed else ["ENC-02"])
 
 
+@BOTH
+def test_a_count_that_stands_in_a_quick_stop_behind_a_contact_that_lies_is_frozen(way):
+    """It says closed for 0.3 s of a free motion, so the brake explains no count that stands under 40 N m."""
+    rig = moving_rig(config=settings(monitors={"torque_still_max_nm": 15.0, "speed_change_max_rad_s2": 1e9}))
+    rig.spoil = lambda drive: drive._replace(brake_open=False)
+    rig.until(lambda: rig.axis.power.phase is P.QUICK_STOPPING, 0.5)
+    assert rig.codes == ["BRK-05"]
+    # Slower than what any standing count is believed from, 0.12 deg/s: only the torque shows it.
+    rig.until(lambda: abs(rig.axis.feedback.vel_rad_s) < rad(0.1), 1.5)
+    counts = rig.axis.feedback.counts
+    rig.spoil = lambda drive: drive._replace(
+        brake_open=False, torque_act_nm=way * 40.0, pos_act_counts=counts, vel_act_rad_s=0.0
+    )
+    rig.run(0.035)
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    assert "ENC-02" in rig.codes
+
+
 def test_an_axis_that_does_not_follow_has_no_following_error():
     rig = moving_rig()
     rig.axis.pos_err_rad = rad(0.1)

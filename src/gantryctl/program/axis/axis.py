@@ -42,7 +42,6 @@ _TORQUE_HOLD: Final = PowerPhase.TORQUE_HOLD
 # Where the reading is tried: by speed commands, while the drive ramps by itself, and by its torque where it holds zero
 # speed. A drive that ramps turns the shaft against its torque, and HOLD has a watch of its own.
 _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
-_STOPPING: Final = (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING)
 # A contact that goes on saying closed keeps the axis in RELEASING with its brake open (random seed 102094).
 # A drive that owns its brake holds the load on its own ramp in DISABLING, until its brake has closed.
 _HELD: Final = (*_TRIED, PowerPhase.RELEASING, PowerPhase.CLOSING, PowerPhase.UNLOADING, PowerPhase.DISABLING)
@@ -433,7 +432,9 @@ class Axis:
             self.liveness.stand(proven=True)
         elif power.phase is PowerPhase.SAG_WATCH:
             self.liveness.stand(proven=power.reading_shown)
-        elif power.phase in _STOPPING and self.feedback.brake_open:
+        elif (power.phase is PowerPhase.QUICK_STOPPING and feedback.brake_off) or (
+            power.phase is PowerPhase.CLOSING and feedback.brake_open
+        ):
             self.liveness.stop()
 
     def _interrupted(self) -> None:
