@@ -320,6 +320,11 @@ class Feedback:
         return min(self._speed_age, self.age) < self._old_scans
 
     @property
+    def speed_age_s(self) -> float:
+        """Age of that speed."""
+        return min(self._speed_age, self.age) * self._period_s
+
+    @property
     def brake_known(self) -> bool:
         """A contact says whether the brake is open, and its telegram is not too old."""
         return self.brake_contact and self._inputs_age < self._old_scans

@@ -284,6 +284,8 @@ class PowerSettings:
         brake_dec_least_rad_s2: slowest braking by which the highest speed keeps the permitted stopping angle.
         brake_stops_max: stops of a turning axis by the brake, from which on service is due.
         brake_by_drive: the drive works the brake by itself, and opens it as it is enabled.
+        unseen_ramp_s: a ramp of which more is left the brake ends as near as the drive; infinite where the brake is
+            weaker than the ramp.
         watchdog_falls_s: a controller that was held up for so long may have let its watchdog relay fall, and the brake
             and the torque with it; infinite without a relay.
         untestable: why the brake cannot be tested by the controller, or nothing.
@@ -317,6 +319,7 @@ class PowerSettings:
     brake_dec_least_rad_s2: float = 5.8 * _DEG
     brake_stops_max: int = 1000
     brake_by_drive: bool = False
+    unseen_ramp_s: float = math.inf
     watchdog_falls_s: float = math.inf
     untestable: Words | Said | None = None
     unload_step_s: float = 0.050

@@ -10,6 +10,7 @@ from typing import Final
 
 from gantryctl import _core
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import braking_dec_deg_s2, sinking_acc_deg_s2
 from gantryctl.machine.tables.axis import VirtualAxisTable
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
@@ -211,10 +212,27 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_stops_max=brake.emergency_stops_max,
         # The simulated drive always obeys the brake command.
         brake_by_drive=machine.on_bus and brake.owner == "drive",
+        unseen_ramp_s=_unseen_ramp_s(machine),
         watchdog_falls_s=_watchdog_falls_s(machine),
         untestable=untestable(machine, torque_preload),
         power_up_time_s=monitors.power_up_time_ms * _MS,
     )
+
+
+def _unseen_ramp_s(machine: Machine) -> float:
+    """How much of a ramp must be left for the brake to end it no later.
+
+    Of deceleration a: with the speed u = a s at the begin of the last s seconds the ramp takes u^2 / 2a. A drive that
+    owns its brake takes its torque off first: u t + u^2 / 2b, where the brake comes after t. Every other brake closes
+    within the ramp. Both against the eccentric moment of the check.
+    """
+    ramp = machine.virtual_axis.quick_dec_deg_s2
+    brake = braking_dec_deg_s2(machine) - sinking_acc_deg_s2(machine)
+    if brake <= ramp:
+        return math.inf
+    if not (machine.on_bus and machine.brake.owner == "drive"):
+        return 0.0
+    return 2.0 * machine.brake.close_time_ms * _MS / (1.0 - ramp / brake)
 
 
 def _watchdog_falls_s(machine: Machine) -> float:

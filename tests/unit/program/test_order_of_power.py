@@ -195,6 +195,71 @@ def test_of_a_drive_that_is_not_seen_the_brake_closes_for_the_end_of_its_ramp_an
     assert rig.axis.alarms.active["CAN-03"].reaction is Reaction.TORQUE_OFF
 
 
+def unseen(rig):
+    """From now on every reading is a scan older."""
+    age = 0
+
+    def silent(drive):
+        nonlocal age
+        age += 1
+        return drive._replace(age_scans=age, speed_age_scans=age, link=LinkFlag.LATE)
+
+    rig.spoil = silent
+    rig.until(lambda: "CAN-03" in rig.codes)
+
+
+@PERIODS
+@pytest.mark.parametrize(
+    ("by_drive", "ramp_s", "speed_deg_s", "closes_s", "off_s"),
+    [
+        # 100 ms behind the last speed, 70 ms behind CAN-03; the brake grips after 150 ms, and then the torque goes.
+        (False, 0.0, 6.0, 0.070, 0.220),
+        # A drive that owns its brake takes its torque off: 1.08 s of its ramp are left.
+        (True, 0.78, 6.0, 0.070, 0.070),
+        # Of a ramp from 4 deg/s 0.717 s are left: it is trusted to its end, 0.787 s.
+        (True, 0.78, 4.0, 0.787, 0.937),
+        # A brake that is weaker than the ramp closes for its end: 1.151 s.
+        (False, math.inf, 6.0, 1.001, 1.151),
+    ],
+)
+def test_a_ramp_that_nobody_sees_is_ended_by_the_brake_where_that_takes_no_longer(
+    period_s, by_drive, ramp_s, speed_deg_s, closes_s, off_s
+):
+    rig = Rig(config=settings(period_s=period_s, brake_by_drive=by_drive, unseen_ramp_s=ramp_s))
+    rig.power_up()
+    rig.move(100.0, speed_deg_s)
+    rig.run(3.0)
+    unseen(rig)
+    begun = rig.scan
+    assert rig.output.brake_open
+    rig.until(lambda: not rig.output.brake_open)
+    # Two scans, and 2 ms more in which 8 scans of 4 ms are later than 30 ms.
+    assert (rig.scan - begun) * period_s == approx(closes_s, abs=2.01 * period_s)
+    rig.until(lambda: rig.output.request is DriveRequest.DISABLE)
+    assert (rig.scan - begun) * period_s == approx(off_s, abs=2.01 * period_s)
+    assert rig.axis.alarms.active["CAN-03"].reaction is Reaction.TORQUE_OFF
+
+
+@PERIODS
+@pytest.mark.parametrize(("missing_s", "told_open"), [(0.088, True), (0.130, False)])
+def test_a_brake_that_has_begun_to_end_a_ramp_is_not_opened_as_the_speed_comes_back(
+    period_s, missing_s, told_open
+):
+    """Missing for less than a tenth of a second, the speed leaves the ramp to the drive."""
+    rig = Rig(config=settings(period_s=period_s, unseen_ramp_s=0.0))
+    rig.power_up()
+    rig.move(100.0, 6.0)
+    rig.run(3.0)
+    begun = rig.scan
+    unseen(rig)
+    rig.run(missing_s - (rig.scan - begun) * period_s)
+    rig.spoil = None
+    for _ in range(4):
+        rig.step()
+        assert rig.axis.power.phase is P.QUICK_STOPPING
+        assert rig.output.brake_open is told_open
+
+
 @PERIODS
 def test_the_brake_opens_after_the_proof_and_the_preload_and_power_is_on_after_the_sag_watch(period_s):
     """50 ms to the preload and as long again; 200 ms of sag watch, which begins when the contact shows open."""

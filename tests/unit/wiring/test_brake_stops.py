@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.engineering.faults.oracle.taps import Oracle
 from gantryctl.image import OperatorCommand
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.opening import new_machine
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.gantry import GantryProgram
@@ -100,3 +102,21 @@ def test_the_slowest_braking_is_that_of_the_permitted_angle(
 ) -> None:
     power = axis_settings(with_values(machine_of(name), changes)).power
     assert deg(power.brake_dec_least_rad_s2) == pytest.approx(dec_deg_s2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("owner", "brake_nm", "left_s"),
+    [
+        # 400 N m less 43.7 of the check moment brake 2.65e6 kg m2 by 8.80 deg/s2, the ramp by 5.4: 0.3 s / 0.386.
+        ("drive", 400.0, 0.776),
+        ("object_60FE", 400.0, 0.0),
+        # 240 N m less 43.7 brake by 4.85 deg/s2: the ramp alone is the shorter stop.
+        ("drive", 240.0, math.inf),
+        ("object_60FE", 240.0, math.inf),
+    ],
+)
+def test_the_brake_ends_a_ramp_that_nobody_sees_where_it_is_the_stronger(owner, brake_nm, left_s):
+    machine = load_machine(configs_folder() / "hust_can.toml")
+    brake = machine.brake.model_copy(update={"owner": owner, "torque_nm": brake_nm})
+    power = axis_settings(machine.model_copy(update={"brake": brake})).power
+    assert power.unseen_ramp_s == pytest.approx(left_s, abs=2e-3)

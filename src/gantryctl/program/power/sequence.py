@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from gantryctl.image import DriveRequest, DriveState
@@ -24,6 +25,8 @@ from gantryctl.units import deg
 
 # Without a valid position the end of a brake stop is judged by time alone: no sooner than this.
 _BLIND_STOP_S: Final = 1.5
+# A ramp of which nobody has seen the speed for so long is ended by the brake, where that takes no longer.
+_UNSEEN_S: Final = 0.1
 _UNLOAD_STEPS: Final = 3
 # A sound drive shows after two or three scans that its torque is off. One that owns its brake has the closing time of
 # that more on an orderly way down: then it is told to take the torque off at once, whether it has closed the brake or
@@ -542,13 +545,17 @@ class PowerSequence:
         deadline and ramp, at standstill 60 ms after its last command. A brake that waited for the heartbeat closed
         214 ms after that (scan 4 ms).
         """
-        close_s = self._settings.brake_close_time_s
-        # A drive that owns its brake closes it at the end of its ramp.
-        begins_s = self._ramp.ends_s - (0.0 if self._drive_owns_brake else close_s)
-        if elapsed_s >= begins_s:
+        close_s, ends_s = self._settings.brake_close_time_s, self._ramp.ends_s
+        # A drive that owns its brake closes it at the end of its ramp, or as it takes its torque off.
+        begins_s = ends_s - (0.0 if self._drive_owns_brake else close_s)
+        unseen_s = self._feedback.speed_age_s - _UNSEEN_S
+        if ends_s - elapsed_s <= self._settings.unseen_ramp_s:
+            unseen_s = -math.inf
+        if elapsed_s >= begins_s or unseen_s >= 0.0:
             self.brake_open = False
+        off = elapsed_s > max(0.0, begins_s) + close_s
         first = self._alarms.first_out
-        if first is not None and elapsed_s > max(0.0, begins_s) + close_s:
+        if first is not None and (off or unseen_s >= (0.0 if self._drive_owns_brake else close_s)):
             self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
 
     def _torque_off(self, _pos_rad: float) -> None:
