@@ -115,6 +115,8 @@ def test_the_step_of_a_speed_whose_unit_only_the_drive_knows_is_the_coarsest() -
 RAMPS = {
     "virtual_axis.acc_deg_s2": 2.0, "virtual_axis.dec_deg_s2": 1.0, "virtual_axis.jerk_deg_s3": 4.0,
     "virtual_axis.end_dec_deg_s2": 0.2, "virtual_axis.end_jerk_deg_s3": 0.1,
+    # Every delivered axis has ten times its lowest setting as its highest.
+    "speed.setting_min_deg_s": 0.2,
 }  # fmt: skip
 SMOOTH = {"virtual_axis.profile": "jerk_limited"}
 
