@@ -113,7 +113,7 @@ def statistics(table: ErrorTable) -> TableStatistics:
     )
 
 
-def a_by_direction(table: ErrorTable, coverage: float = COVERAGE) -> float | None:
+def a_by_direction(table: ErrorTable) -> float | None:
     """The figure of eq. (6) with ccw and cw kept apart, deg; None unless each direction has two rows or
     more.
     """
@@ -123,7 +123,7 @@ def a_by_direction(table: ErrorTable, coverage: float = COVERAGE) -> float | Non
         return None
     mean = np.concatenate([column_mean(part) for part in parts])
     std = np.concatenate([column_std(part) for part in parts])
-    return float(spread(mean, std, coverage))
+    return float(spread(mean, std))
 
 
 def base_rms(table: ErrorTable, base_deg: float) -> float:

@@ -127,3 +127,6 @@ def test_of_two_failures_the_one_that_may_lie_farthest_out_is_told() -> None:
     near, sound = judge({"c": 0.2}, LIMIT, {"c": 0.195}), judge({"d": 0.009}, LIMIT, {})
     assert worst_verdict([sure, unsure, near, sound]) is unsure
     assert worst_verdict([sound, near]) is near
+    # Of the figures of one verdict the largest counts: its smallest is told in every test.
+    one, two = judge({"a": 0.05, "b": 0.011}, LIMIT, {}), judge({"a": 0.03, "b": 0.02}, LIMIT, {})
+    assert worst_verdict([two, one]) is one
