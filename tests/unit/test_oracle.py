@@ -354,6 +354,34 @@ def test_a_drive_that_takes_no_command_goes_as_far_as_its_own_ramp(
     assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
 
 
+@pytest.mark.parametrize(
+    ("kind", "share", "rests_s", "passes"),
+    [
+        (StopClass.TORQUE_OFF, 1.0, 0.99, True), (StopClass.TORQUE_OFF, 1.0, 1.02, False),
+        (StopClass.TORQUE_OFF, 0.5, 1.98, True), (StopClass.TORQUE_OFF, 0.5, 2.02, False),
+        (StopClass.TORQUE_OFF, 0.0, 3.48, True), (StopClass.TORQUE_OFF, 0.0, 3.52, False),
+        (StopClass.NO_RAMP, 1.0, 1.48, True), (StopClass.NO_RAMP, 1.0, 1.52, False),
+        (StopClass.QUICK, 0.5, 1.52, False),
+    ],
+)  # fmt: skip
+def test_a_stop_comes_to_rest_in_the_time_that_its_brake_has_left(
+    kind: StopClass, share: float, rests_s: float, passes: bool
+) -> None:
+    """1 s by a whole brake, 1.5 s on the ramp; without a brake people are told after 3 s."""
+    found: list[Violation] = []
+    axis = AxisOracle(
+        found.append,
+        replace(limits.REFERENCE, rest_s={**dict.fromkeys(StopClass, 1.0), StopClass.QUICK: 1.5}),
+    )
+    axis.bound, axis._rest, axis._sag, axis.known.brake_share = True, 0.05, math.inf, share
+    axis.begin(0.0, brake_open=True, energised=True)
+    alarm = Alarm(Code.DRV_10, 0.0, {}, Reaction.TORQUE_OFF)
+    axis._stop = Stop(alarm, kind, axis.now(), axis.now())
+    for _ in range(round(rests_s * 1e3)):
+        axis.sample(0.0, 0.06, 0.0, brake_open=True, energised=True)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
+
+
 @pytest.mark.parametrize(("after_ms", "passes"), [(9, False), (10, True)])
 def test_a_brake_opens_behind_torque_that_has_been_on_for_10_ms(after_ms: int, passes: bool) -> None:
     found: list[Violation] = []

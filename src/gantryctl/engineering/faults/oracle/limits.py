@@ -59,6 +59,9 @@ _REST_S: Final = {
 }
 """From the alarm to rest: 1.2 and 1.1 s from 6 deg/s, and the 50 kN m of the check moment with the 50 ms of a rest
 that lasts; silence has no alarm, and is noticed 0.2 s after the last command at the latest."""
+TOLD_UNHELD_S: Final = 3.5
+"""A load that turns on without torque, its brake commanded closed, is told of after 3 s; half a second for the scans,
+and for a speed that swings about what is rest."""
 SILENT_MS: Final = 20
 """No command for so long is a controller that commands no more: the longest scan takes 10 ms."""
 BRAKE_BEGINS_S: Final = 0.15
