@@ -364,7 +364,7 @@ RULES: Final[dict[type, Rules]] = {
     BrakeWear: Rules(
         # The limit of these settings is never reached.
         clock="energy_j stops",
-        fixed="_alarms _before _energy_per_speed _feedback _most",
+        fixed="_alarms _before _energy_per_speed _feedback _most _slowest_rad_s",
     ),
     Oscillation: Rules(
         clock="_began _side _turns",
