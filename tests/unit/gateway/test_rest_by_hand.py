@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import threading
+import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from types import SimpleNamespace
@@ -332,6 +333,46 @@ def test_what_reads_memory_or_disk_for_long_does_it_beside_the_loop(
         monkeypatch.setattr(rest, "read_journal", reads(name, []))
         asyncio.run(handler(Request({"type": "http", "method": "GET", "query_string": b"", "headers": []})))
     assert where == dict.fromkeys(("samples", "traces", "trace", "columns", "journal", "notes"), False)
+
+
+def test_one_journal_is_read_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each thread beside it the loop waits 5 ms for the processor, whenever it has something to do."""
+    reading, most = list[int](), list[int]()
+
+    def read(*_: object) -> list[Entry]:
+        reading.append(1)
+        time.sleep(0.005)
+        most.append(len(reading))
+        reading.pop()
+        return []
+
+    monkeypatch.setattr(rest, "read_journal", read)
+    made, scope = routes(tmp_path), {"type": "http", "method": "GET", "query_string": b"", "headers": []}
+
+    async def check() -> None:
+        await asyncio.gather(*(made._journal(Request(scope)) for _ in range(4)))
+
+    asyncio.run(check())
+    assert most == [1, 1, 1, 1]
+
+
+def test_lines_of_the_journal_are_written_beside_the_loop_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """10 000 of them took the loop a tenth of a second, in which no Stop was taken."""
+    where = list[bool]()
+
+    class Row(SimpleNamespace):
+        @property
+        def values(self) -> dict[str, Any]:
+            where.append(threading.current_thread() is threading.main_thread())
+            return {"text": "moved"}
+
+    monkeypatch.setattr(rest, "read_journal", lambda *_: [Row(seq=6, hash="ab")])
+    scope = {"type": "http", "method": "GET", "query_string": b"", "headers": []}
+    answer = asyncio.run(routes(tmp_path)._journal(Request(scope)))
+    assert json.loads(bytes(answer.body)) == {"seq": 6, "text": "moved", "hash": "ab"}
+    assert where == [False]
 
 
 def test_who_asks_too_often_is_told_to_come_again_in_a_second(

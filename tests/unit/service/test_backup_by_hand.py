@@ -69,6 +69,18 @@ def names_in(path: Path) -> set[str]:
         return set(tar.getnames())
 
 
+def test_a_link_in_the_state_is_no_file_of_it(root: Path, tmp_path: Path) -> None:
+    """Who writes there would have whatever the user of the backup reads carried out of the computer."""
+    (tmp_path / "secret").write_text("of somebody else")
+    (root / NAME / "traces").mkdir()
+    (root / NAME / "traces" / "one.parquet").write_text("a recording")
+    for link in ("state.link", "traces/two.parquet"):
+        (root / NAME / link).symlink_to(tmp_path / "secret")
+    found = [path.name for path in create._state_files(root / NAME, secrets=True, recordings=True)]
+    assert "one.parquet" in found
+    assert not {"state.link", "two.parquet"} & {*found}
+
+
 def test_a_backup_has_no_file_of_a_process_no_draft_and_nothing_that_was_set_aside(root: Path) -> None:
     (root / NAME / "retain.b.json").unlink(missing_ok=True)
     assert names_in(backed_up(root)) == {
