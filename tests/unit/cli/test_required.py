@@ -110,7 +110,7 @@ def test_stops_name_who_requires_the_angle(tmp_path: Path) -> None:
     )
     answer = cli("stops", "--speed", "6", "--config", tight)
     assert answer.code == 1
-    assert f"permitted: 3.65 deg.\nRequired by hust_gantry {BY}." in answer.out
+    assert f"permitted: 3.65 deg.\n- Required by hust_gantry {BY}." in answer.out
     data = cli("stops", "--speed", "6", "--config", tight, "--json").json
     assert data["required"] == {"limit": 3.65, "by": "hust_gantry", "source": SOURCE}
 
