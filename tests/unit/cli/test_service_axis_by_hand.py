@@ -385,3 +385,24 @@ def test_codes_that_hold_the_axis_are_those_of_its_alarms_and_of_earlier_stops()
         "BRK-04",
         "ENC-09",
     ]
+
+
+def test_tags_of_before_a_command_say_nothing_of_what_it_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reply is faster than the tags: power that is asked for is "off" in those of before, as power that failed."""
+    link = Link(power=False, power_phase="off", journal_sequence=99)
+    link.looks = [*({} for _ in range(4)), {"journal_sequence": 100, "power_phase": "enabling"}]
+    link.looks.append({"power_phase": "on", "power": True})
+    assert axis_of(link, monkeypatch).switch(on=True)
+    assert [each for each in link.asked if each != "left"] == ["take", "power", "give"]
+
+
+def test_a_command_leaves_when_the_tags_show_that_control_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next command reads there who has it, and would be refused."""
+    link = Link()
+    link.does = {"take": {"authority_client": "me"}, "give": {}}
+    axis = axis_of(link, monkeypatch)
+    axis.take()
+    link.looks = [{}, {}, {"authority_client": ""}]
+    axis.close("done")
+    assert link.asked == ["take", "give", "left"]
+    assert link.tags["authority_client"] == ""

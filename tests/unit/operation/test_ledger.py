@@ -393,6 +393,18 @@ def test_fixed_telegrams_are_no_csv_axis() -> None:
     assert "acts when it arrives" in str(row_of("maps_telegrams", replace(FACTS, objects=event)).detail)
 
 
+@pytest.mark.parametrize("place", [(0x1400, 2), (0x1800, 2)])
+@pytest.mark.parametrize(
+    ("kind", "standing"), [(0, Standing.LACKING), (1, Standing.OBJECT), (2, Standing.LACKING)]
+)
+def test_a_telegram_that_is_not_at_each_sync_is_none_of_a_csv_axis(
+    place: tuple[int, int], kind: int, standing: Standing
+) -> None:
+    """CiA 301: 0 is sent at a SYNC when something has changed only, 2 at every second one."""
+    fixed = {**FACTS.objects, place: ObjectFact(False, False, kind)}
+    assert row_of("maps_telegrams", replace(FACTS, objects=fixed)).standing is standing
+
+
 # --- a drive of whose fault nobody knows ------------------------------------------------------------------------------
 
 

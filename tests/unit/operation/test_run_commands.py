@@ -644,3 +644,19 @@ def test_nobody_is_shown_the_end_of_a_run() -> None:
     assert shown
     run.close("done")
     assert len(seen) == shown
+
+
+@pytest.mark.parametrize(
+    ("ending", "done", "stopped"),
+    [
+        (Ending.DONE, True, False),
+        (Ending.STOPPED, False, True),
+        (Ending.UNREAD, False, True),
+        (Ending.HUNG_UP, False, True),
+        (Ending.NOT_IN_POSITION, False, False),
+    ],
+)
+def test_whoever_ends_a_motion_has_stopped_it(ending: Ending, done: bool, stopped: bool) -> None:
+    """A measurement ends there: what it reads is not the angle of its stop."""
+    report = MotionReport(ending, 0.0, 1.0, 0.0, 2.0)
+    assert (report.done, report.stopped) == (done, stopped)
