@@ -84,7 +84,18 @@ LONGEST = (
 """What takes half a minute to two goes first: at the end one worker would run it alone."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+HANGS_AFTER_S = {"fast": 1800.0, "slow": 86_400.0}
+"""No test has a limit of its own: a busy computer would reach it, and the result would tell of the computer. These
+are for what hangs: the longest fast test takes a minute, the longest slow one hours. `--timeout` stands above them.
+"""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item], config: pytest.Config) -> None:
+    if config.getoption("timeout") is None:
+        for item in items:
+            kind = "fast" if item.get_closest_marker("slow") is None else "slow"
+            item.add_marker(pytest.mark.timeout(HANGS_AFTER_S[kind]))
+
     def turn(item: pytest.Item) -> int:
         path = item.path.as_posix()
         return next((turn for turn, part in enumerate(LONGEST) if part in path), len(LONGEST))

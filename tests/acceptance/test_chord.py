@@ -62,7 +62,6 @@ def test_the_other_procedures_give_the_a_of_the_reference(bench: Bench, procedur
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_the_whole_test_finds_at_most_so_many_times_what_the_short_one_finds(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:

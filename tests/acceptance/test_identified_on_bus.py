@@ -82,7 +82,6 @@ def load_speed_error_deg_s(machine: Machine, from_deg: float, to_deg: float) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_a_machine_identified_over_its_bus_holds_its_load(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:
@@ -124,7 +123,6 @@ def test_a_machine_identified_over_its_bus_holds_its_load(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_with_an_encoder_node_on_the_ring_the_load_is_where_it_was_sent(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:

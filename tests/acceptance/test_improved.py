@@ -134,7 +134,6 @@ def test_the_papers_gains_let_the_same_swing_grow(stiffness: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 def test_the_measures_hold_for_the_median_of_50_gears_and_plants(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:
@@ -160,7 +159,6 @@ def test_the_measures_hold_for_the_median_of_50_gears_and_plants(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_every_compensation_buys_what_it_is_for_and_all_together_most(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:

@@ -58,7 +58,6 @@ def warnings(machine: Machine, targets_deg: tuple[float, ...]) -> dict[str, str]
 
 
 @pytest.mark.slow  # 50 s of a quiet processor
-@pytest.mark.timeout(900)
 def test_another_moment_is_named_and_a_sound_machine_is_not() -> None:
     """36 instead of 16 kN m; moves over half of the travel, both ways."""
     moves = (60.0, -60.0) * 4  # nothing is judged before two minutes of motion

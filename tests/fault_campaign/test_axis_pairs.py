@@ -123,7 +123,6 @@ def test_a_pair_is_played_to_the_same_bits() -> None:
 
 # 16: 0.683 of 0.682 deg, a fault of the drive in the quick stop of a crane: open (decision 0027).
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(("drive", "still_open"), [("sim", []), ("bus", [16])])
 def test_a_hundred_pairs_hold_but_for_what_is_open(drive: Drive, still_open: list[int]) -> None:
     broken = [seed for seed in range(100) if not play(axis_pair_scenario(1, seed, drive=drive)).ok]

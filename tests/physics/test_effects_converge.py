@@ -22,7 +22,6 @@ TWO = {"plant.switches.second_pinion": True}
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("changes", [ALL, TWO], ids=["all", "two pinions"])
 def test_half_the_step_changes_a_by_less_than_one_percent(changes: dict[str, object]) -> None:
     procedure = chord_procedure("A")

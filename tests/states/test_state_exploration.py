@@ -146,7 +146,6 @@ def test_every_state_that_people_can_bring_about() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("preload", [True, False], ids=["torque proven", "no torque preload"])
 @pytest.mark.parametrize("parks", [False, True], ids=["servo holds", "brake holds"])
 def test_every_state_with_every_fault_and_every_button(
@@ -167,7 +166,6 @@ def test_every_state_with_every_fault_and_every_button(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(7200)
 def test_every_state_that_people_and_an_emergency_stop_can_bring_about(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:

@@ -68,7 +68,6 @@ def undisturbed(campaign: Path, folder: Path) -> bytes:
 
 
 @pytest.mark.slow  # test_campaign_processes kills the client in the fast set
-@pytest.mark.timeout(240)
 def test_three_kills_change_no_byte(tmp_path: Path) -> None:
     campaign = campaign_file(tmp_path, 2048)
     run_among_kills(
@@ -78,7 +77,6 @@ def test_three_kills_change_no_byte(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_twenty_kills_change_no_byte(tmp_path: Path) -> None:
     campaign = campaign_file(tmp_path, 16384)
     rng = random.Random(time.time_ns())

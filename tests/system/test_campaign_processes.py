@@ -38,7 +38,6 @@ def run(campaign: Path, *options: str) -> subprocess.Popen[bytes]:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(180)
 def test_an_interrupt_and_a_kill_lose_nothing_and_leave_no_process(tmp_path: Path) -> None:
     campaign, result = campaign_file(tmp_path, 128), tmp_path / "r"
     options = ("--out", str(result), "--workers", "2")
@@ -60,7 +59,6 @@ def test_an_interrupt_and_a_kill_lose_nothing_and_leave_no_process(tmp_path: Pat
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(120)
 def test_a_worker_with_other_code_is_refused_by_name(tmp_path: Path) -> None:
     """Same version, one file changed: alone in the cluster it ends the run, beside a right one it gets no work."""
     changed = tmp_path / "changed"

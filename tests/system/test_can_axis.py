@@ -206,7 +206,6 @@ def test_after_a_restart_of_the_drive_a_reset_is_enough() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_accuracy_over_the_bus_is_that_of_the_process(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:

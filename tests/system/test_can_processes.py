@@ -38,7 +38,7 @@ def namespace() -> None:
 def scenario(name: str, folder: Path, *values: str) -> dict[str, Any]:
     script = str(Path(__file__).with_name("can_processes.py"))
     command = [*PRIVATE, sys.executable, script, name, str(folder), *values]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=500, env=WITH_HELPERS)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=WITH_HELPERS)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(done.stdout)
     return found
@@ -113,7 +113,6 @@ def test_ten_thousand_foreign_frames_a_second_are_a_full_bus_and_no_encoder_faul
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("period_ms", ["4", "10"])
 def test_ten_thousand_empty_frames_a_second_end_in_no_lock(period_ms: str, tmp_path: Path) -> None:
     """Half of the bus: the axis goes on, or the bus is full for a computer that cannot read so many in time."""
@@ -123,7 +122,6 @@ def test_ten_thousand_empty_frames_a_second_end_in_no_lock(period_ms: str, tmp_p
     assert not any(alarm.startswith(("ENC-", "CAN-14")) for alarm in found["tried"]), found
 
 
-@pytest.mark.timeout(600)
 def test_a_stall_of_the_controller_leaves_no_following_error(
     tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:
@@ -162,6 +160,6 @@ def test_the_conformance_suite_between_two_processes() -> None:
         "no:cacheprovider",
         str(suite),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=115, cwd=TESTS.parent)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=TESTS.parent)
     assert done.returncode == 0, done.stdout[-4000:]
     assert " passed" in done.stdout

@@ -22,7 +22,6 @@ from support.service_process import Page, Service, add_users
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),
     pytest.mark.slow,
-    pytest.mark.timeout(600),
 ]
 CONFIG = configs_folder() / "hust_can.toml"
 STILL = ("identity", "encoder", "defaults", "parameters", "pdo", "sync", "nodes")

@@ -224,7 +224,6 @@ def test_this_test_can_fail_without_mirrors_a_bit_of_the_log_takes_events_along(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(14400)
 def test_every_bit_of_sixty_events(root: Path, evidence: Evidence) -> None:
     """Verified for every bit; started for one bit of every 16 bytes."""
     crashed, chance = Crashed(root, EVENTS, EVENTS // 2), random.Random(2)
@@ -255,7 +254,6 @@ def test_every_bit_of_sixty_events(root: Path, evidence: Evidence) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(28800)
 def test_a_million_bits_of_larger_journals(root: Path, evidence: Evidence) -> None:
     """Written after every portion, so that a run that is ended early leaves what it has seen."""
     figures: dict[str, object] = {}

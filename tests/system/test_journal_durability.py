@@ -100,7 +100,6 @@ def test_this_test_can_fail_without_full_synchronisation_events_are_lost(tmp_pat
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(14400)
 def test_a_hundred_thousand_power_cuts(evidence: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half of them with a log that is settled as often as can be."""
     place = Path("/dev/shm") if os.access("/dev/shm", os.W_OK) else None  # noqa: S108 - folders of our own in it
@@ -185,6 +184,5 @@ def test_a_killed_recorder_loses_nothing_and_keeps_nothing_twice(tmp_path: Path)
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(7200)
 def test_two_hundred_kills_of_the_recorder(tmp_path: Path, evidence: Evidence) -> None:
     evidence("journal_kills", kills(tmp_path / "state" / "machine", 200))

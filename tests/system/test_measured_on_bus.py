@@ -55,7 +55,6 @@ def test_a_speed_outside_the_setting_moves_nothing() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_frequency_responses_over_the_bus_are_those_of_the_model() -> None:
     """Speeds are differences of 6064 over a scan, torques 6077 in steps of 0.26 N m; the model has no ripple, no gear
     error, so the axis is known to some 10 % where the signal stands above them.

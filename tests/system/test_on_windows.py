@@ -27,7 +27,6 @@ def on_windows(place: Path, *lines: str) -> tuple[list[int], str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=100,
         check=False,
     )
     assert done.returncode == 0, done.stdout

@@ -41,7 +41,6 @@ BUSY = ("SYS-02", "SYS-03", "CAN-03")
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 @pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
 def test_the_drive_stops_the_axis_of_a_killed_controller(
     tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]

@@ -26,7 +26,6 @@ from support.service_process import Service, add_users
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),
     pytest.mark.slow,
-    pytest.mark.timeout(900),
 ]
 Evidence = Callable[[str, dict[str, object]], None]
 HOSTILE = Path(__file__).parents[1] / "support" / "hostile.py"

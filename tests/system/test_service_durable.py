@@ -187,7 +187,6 @@ def hanging(page: Page) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_sixty_replies_and_their_time(
     service: Service, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:

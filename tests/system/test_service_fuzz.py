@@ -12,7 +12,6 @@ MINUTES = 10.0
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),
     pytest.mark.slow,
-    pytest.mark.timeout(3600),
     pytest.mark.filterwarnings("ignore"),  # of asyncua itself
 ]
 

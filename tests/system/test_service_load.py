@@ -24,7 +24,6 @@ from support.service_process import Service, add_users
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),
     pytest.mark.slow,
-    pytest.mark.timeout(900),
 ]
 Evidence = Callable[[str, dict[str, object]], None]
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "service_lateness.py"
@@ -36,7 +35,7 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "service_lateness.py"
 def test_the_scan_wakes_like_a_c_program_beside_five_browsers_and_opc_ua(evidence: Evidence) -> None:
     """The benchmark; it ends with 1 when a limit is missed, or real time was not granted."""
     done = subprocess.run(
-        [sys.executable, str(BENCHMARK), "--json"], capture_output=True, text=True, timeout=600, check=False
+        [sys.executable, str(BENCHMARK), "--json"], capture_output=True, text=True, check=False
     )
     assert done.stdout, done.stderr
     evidence("service_lateness", json.loads(done.stdout))

@@ -16,7 +16,6 @@ from support.service_process import Page, Service, add_users
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),
-    pytest.mark.timeout(120),
 ]
 THINKING_S = 2.5
 """Longer than control lasts without a sign of life (2 s) and than a command may be old (0.5 s)."""

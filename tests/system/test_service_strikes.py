@@ -18,7 +18,7 @@ import pytest
 from support.strikes import FROZEN_S, STATES, VICTIMS, strikes
 from system.test_service_can import OWN_NETWORK, TESTS, WITH_HELPERS, possible
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
+pytestmark = pytest.mark.slow
 Evidence = Callable[[str, dict[str, object]], None]
 BACK_S = 5.0
 

@@ -45,7 +45,6 @@ def test_a_sound_machine_has_no_nuisance(seed: int, oracle: Oracle) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(14_400)
 def test_a_thousand_sound_machines(
     oracle: Oracle, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:

@@ -33,7 +33,6 @@ def commands(template: str, target: str) -> list[list[str]]:
     ]
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize(("template", "target"), AXES)
 def test_from_new_to_a_report_in_six_commands(
     template: str, target: str, tmp_path: Path, monkeypatch
@@ -88,7 +87,6 @@ FURTHER = [
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("template", ["tilt_table", "telescope_azimuth", "rotary_table"])
 def test_no_other_command_speaks_of_the_reference_machine(template: str, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)

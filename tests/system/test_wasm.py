@@ -122,7 +122,6 @@ def alike(one: Sequence[np.ndarray[Any, Any]], other: Sequence[np.ndarray[Any, A
     return all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.timeout(900)
 def test_the_same_run_gives_the_same_bits(tool: ModuleType, wasm: Path) -> None:
     runs = [run_of(tool, machine_of(name)) for name in AXES]
     for name, run, logs in zip(AXES, runs, in_node(wasm, runs), strict=True):
@@ -189,7 +188,6 @@ def page_file(tool: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return page
 
 
-@pytest.mark.timeout(600)
 def test_a_gain_is_dragged_and_the_answer_drawn_anew_without_a_network(page_file: Path) -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)

@@ -29,7 +29,7 @@ print(*lacking)
 """
 
 
-def without_canopen(*arguments: str, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
+def without_canopen(*arguments: str) -> subprocess.CompletedProcess[str]:
     """A Python in which the package of the master does not exist."""
     path = os.pathsep.join([str(NO_CANOPEN), *filter(None, [os.environ.get("PYTHONPATH")])])
     return subprocess.run(
@@ -38,7 +38,6 @@ def without_canopen(*arguments: str, seconds: float = 120.0) -> subprocess.Compl
         cwd=TESTS.parent,
         capture_output=True,
         text=True,
-        timeout=seconds,
         check=False,
     )
 
@@ -61,8 +60,7 @@ def test_a_move_in_simulation_needs_no_bus(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 def test_the_unit_tests_pass_without_it() -> None:
     """The command of the documentation: `pytest tests/unit -m "not can and not slow"`."""
-    done = without_canopen("-m", "pytest", "tests/unit", "-q", "-m", "not can and not slow", seconds=3600.0)
+    done = without_canopen("-m", "pytest", "tests/unit", "-q", "-m", "not can and not slow")
     assert done.returncode == 0, done.stdout[-4000:]

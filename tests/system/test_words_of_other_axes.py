@@ -72,7 +72,6 @@ def printed(root: Path, *arguments: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("template", ["telescope_azimuth", "rotary_table", "tilt_table"])
 def test_a_service_of_another_axis(template: str, tmp_path: Path) -> None:
     """Moves, refusals, a stop and its reset: what the page, REST, the command line and every file say of them."""
@@ -126,7 +125,6 @@ def test_a_service_of_another_axis(template: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("kind", "changes"),
     [

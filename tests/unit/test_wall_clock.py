@@ -47,6 +47,18 @@ def test_nothing_in_the_scan_reads_the_wall_clock() -> None:
     assert read == {}
 
 
+def test_what_hangs_is_ended_by_one_rule_and_no_test_has_a_limit_of_its_own(
+    request: pytest.FixtureRequest,
+) -> None:
+    """Minutes for the fast ones, a day for the slow ones; a person's `--timeout` stands above both."""
+    tests = Path(__file__).parents[1]
+    marks = "pytest.mark." + "timeout"
+    own = [path for path in tests.rglob("*.py") if marks in path.read_text(encoding="utf-8")]
+    assert own == [tests / "conftest.py"]
+    limits = [mark.args for mark in request.node.iter_markers("timeout")]
+    assert limits == ([(1800.0,)] if request.config.getoption("timeout") is None else [])
+
+
 @pytest.mark.usefixtures("keys")
 def test_a_clock_that_goes_back_changes_no_order_in_the_journal(tmp_path: Path) -> None:
     """Ten years back, an hour forward: both clocks stay with the event, and the number decides."""

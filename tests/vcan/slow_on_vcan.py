@@ -20,7 +20,7 @@ from gantryctl.trace.reader import read_trace
 from support.controller_death import judge, kill_in_motion
 from vcan.rig import VcanBus, ended, netem, run
 
-pytestmark = [pytest.mark.can, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.can
 
 
 @pytest.fixture

@@ -20,7 +20,6 @@ from support.page_geometry import faults_of_layout, grey_without_reason, heavy_f
 from support.page_shown import IN_CONTROL, Shown
 from support.service_process import Service, add_users
 
-pytestmark = pytest.mark.timeout(600)
 SIZES = ((360, 640), (640, 360), (1024, 768), (1920, 1080))
 # Processes take turns, on a busy computer.
 TURNS_MS = 60_000

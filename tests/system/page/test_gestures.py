@@ -15,7 +15,7 @@ from support.browser import SIZE, Proxy, enter, farthest_deg, look_on, press_unt
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(5400)]
+pytestmark = pytest.mark.slow
 SEQUENCES = 300
 FREEZES = 10
 LAGS_S = (0.0, 0.005, 0.010, 0.020, 0.040)

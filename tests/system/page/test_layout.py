@@ -18,7 +18,6 @@ from support.browser import CHROMIUM, FLAGS
 from support.page_geometry import faults_of_layout, grey_without_reason, heavy_findings
 from support.page_shown import IN_CONTROL, Shown
 
-pytestmark = pytest.mark.timeout(300)
 AREAS = ("display", "operation", "settings", "alarms", "diagnosis", "scope")
 SIZES = ((360, 640), (640, 360), (768, 1024), (1024, 768), (1280, 800), (1920, 1080))
 
@@ -133,7 +132,6 @@ def test_nothing_overlaps_and_stop_is_reached_in_every_window(shown: Shown) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("language", ["en", "zh"])
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_every_area_in_every_window_language_and_theme(shown: Shown, language: str, theme: str) -> None:

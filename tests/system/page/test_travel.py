@@ -25,7 +25,7 @@ from support.modulo_machine import modulo_machine
 from support.service_process import Page as Watcher
 from support.service_process import Service, add_users
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.slow
 
 MACHINES = {
     # IEC 61217: angles are read from 0 to 360 deg, tags are signed.

@@ -231,7 +231,6 @@ def test_a_drive_without_csv_is_not_commissioned(tmp_path: Path, quirky) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_the_stops_are_as_long_as_computed(tmp_path: Path) -> None:
     work, store = commissioning(tmp_path)
     assert do(work, "loop", "stops", "turn", "bands") == dict.fromkeys(

@@ -160,7 +160,6 @@ def test_an_eds_is_tried_before_the_drive_is_bought(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_six_of_nine_drives_of_the_field_can_be_commissioned() -> None:
     found = [commissioned(table) for table in TABLES.values()]
     assert {drive.drive for drive in found if drive.commissioned} == USABLE

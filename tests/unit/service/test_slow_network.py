@@ -138,7 +138,6 @@ def test_gestures_over_networks_of_every_kind(memory: SharedMemory) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(7200)
 def test_every_network_with_every_lease_and_ramp(
     memory: SharedMemory, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:

@@ -234,7 +234,6 @@ def test_a_plant_that_cannot_be_identified_is_named(made: Made, monkeypatch: pyt
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_identification_in_a_campaign_is_that_of_the_plant_alone(made: Made) -> None:
     campaign = made(INERTIA + IMPROVED)
     rows = CampaignJob(campaign).rows(0, 1)

@@ -134,7 +134,6 @@ def test_a_zero_set_away_from_0_counts_the_lead_of_the_motor() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_compare_prints_every_row_and_figure() -> None:
     done = cli("compare", "paper", "improved", "--json", "--out", "report")
     assert done.code == 0, done.err
@@ -148,7 +147,6 @@ def test_compare_prints_every_row_and_figure() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_compare_on_the_delivered_drift_prints_what_the_readme_says() -> None:
     done = cli("compare", "paper", "improved", "--drift", "hust", "--json", "--out", "report")
     assert done.code == 0, done.err

@@ -118,7 +118,6 @@ def test_the_report_names_the_certificate_of_the_instrument(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_profile_without_steps_shakes_the_load_less_on_the_bus() -> None:
     """No calibration: the S-curve alone, 0.030 against 0.059 deg/s; the tracker's noise is 0.003 deg/s over 0.1 s."""
     smooth = with_values(

@@ -181,7 +181,6 @@ def test_what_a_windy_axis_does_not_show_is_told_by_name() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 def test_the_intervals_hold_what_they_say_on_every_template() -> None:
     """Eight gears and winds of each of eight axes: of some 430 numbers at most 5 % lie outside, as 95 % says.
 

@@ -87,7 +87,6 @@ def test_analysis(machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", [*MACHINES, *DELIVERED])
 def test_whatever_a_command_draws(
     files: Callable[[str], Path | None], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -126,7 +126,6 @@ def test_a_machine_that_was_not_identified_is_not_tuned() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_virtual_drive_is_tuned_in_two_halves_and_one_that_kept_its_gains_fails() -> None:
     machine = known_machine()
     with experiment(machine, controlled_as=quiet_machine(machine)) as run:

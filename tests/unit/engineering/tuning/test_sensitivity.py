@@ -24,7 +24,6 @@ def found(gains):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_procedure_over_starts_criteria_steps_and_drives(evidence):
     machine = default_machine()
     bench = bench_of_paper(machine)
@@ -71,7 +70,6 @@ def test_procedure_over_starts_criteria_steps_and_drives(evidence):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_both_methods_side_by_side(evidence):
     machine = default_machine()
     results = {
