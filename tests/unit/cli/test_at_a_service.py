@@ -93,33 +93,64 @@ def test_alarms_of_before_the_start_follow_newest_first(monkeypatch: pytest.Monk
     assert holds == ["CTL-03"]
 
 
-@pytest.mark.parametrize(("holds", "told"), [([], "INT-06"), (["CTL-03"], "CTL-03")])
+@pytest.mark.parametrize(
+    ("holds", "history", "told", "last"),
+    [
+        ([], [], "INT-06", "INT-06 the newest"),
+        ([], ["CTL-05", "BRK-06"], "INT-06", "CTL-05"),
+        (["CTL-03", "CTL-12"], ["CTL-12", "CTL-03"], "CTL-03", "CTL-03; CTL-12"),
+    ],
+)
 def test_the_stop_that_is_told_is_the_one_that_holds_or_the_last_one(
-    monkeypatch: pytest.MonkeyPatch, holds: list[str], told: str
+    monkeypatch: pytest.MonkeyPatch, holds: list[str], history: list[str], told: str, last: str
 ) -> None:
+    """So is the last alarm: after a reset it is that of this start, else that of the runs before."""
     machine = default_machine()
-    alarms = [{"code": code, "first_out": True, "text": code} for code in holds]
+    alarms = [{"code": code, "first_out": code == holds[0], "text": code} for code in holds]
     link = Link(lambda _: False)
     link.tags = {
         "machine": "one", "axis_state": "error_stop", "pos_act_deg": 1.0, "position_valid": True, "alarms": alarms,
         "quick_dec_deg_s2": 5.4, "brake_test_available": False, "brake_test_blocked": "no contact", "config_hash": "",
+        "alarm_history": [{"text": code} for code in history],
     }  # fmt: skip
-    kept = Retained("one", "", error_stop="INT-06")
+    alarms_kept = tuple(
+        AlarmEntry("INT-06", f"INT-06 {text}", "", 1.0, None) for text in ("older", "the newest")
+    )
+    kept = Retained("one", "", error_stop="INT-06", alarms=alarms_kept)
     monkeypatch.setattr(service_state, "ServiceLink", lambda _: link)
     monkeypatch.setattr(service_state, "RetainedMemory", lambda _: SimpleNamespace(load=lambda: kept))
     monkeypatch.setattr(service_state, "ledger_shown", lambda *_: ())
     found, _ = service_state.service_status(machine)
     assert (found.error_stop, found.condition) == (told, "in service, error stop")
+    assert found.last_alarm == last
     assert found.brake_test == "not testable here: no contact"
 
 
 def test_events_are_those_on_the_disk() -> None:
     """Three of 43 wait for it."""
     tags = dict.fromkeys(("vel_act_deg_s", "unheld_power_left_s", "scan_overruns", "config_hash")) | {
-        "power": True, "drive_state": "ready", "authority_user": "anna", "journal_state": "slow",
+        "power": True, "power_phase": "on", "drive_state": "ready", "authority_user": "anna", "journal_state": "slow",
         "journal_sequence": 43, "journal_committed": 40,
     }  # fmt: skip
     assert dict(service_state.service_rows(tags))["journal"] == "slow, 40 events"
+
+
+@pytest.mark.parametrize(
+    ("phase", "blocked_by", "told"),
+    [
+        ("off", "", "off"),
+        ("off", "reset first", "reset first"),
+        ("torque_hold", "reset first", "torque hold; reset first"),
+        ("enabling", "", "enabling"),
+    ],
+)
+def test_power_is_not_told_as_off_while_the_motor_has_torque(phase: str, blocked_by: str, told: str) -> None:
+    """A brake that slips: the motor alone holds the load, with an alarm that forbids to switch on."""
+    tags = dict.fromkeys(
+        ("vel_act_deg_s", "unheld_power_left_s", "config_hash", "drive_state", "authority_user", "journal_state",
+         "journal_committed")
+    ) | {"power": False, "power_phase": phase, "blocked_by": blocked_by}  # fmt: skip
+    assert dict(service_state.service_rows(tags))["power"] == told
 
 
 @pytest.mark.parametrize("as_json", [True, False])

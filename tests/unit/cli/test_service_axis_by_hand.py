@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
@@ -28,6 +29,7 @@ AT_REST: dict[str, Any] = {
     "brake_test_level_nm": 90.0, "brake_test_plus_nm": 91.0, "brake_test_minus_nm": -92.0,
     "brake_test_moved_deg": 0.01, "brake_test_limit_deg": 0.05, "brake_test_due_at": "",
     "brake_test_cycles_left": 7, "brake_test_overdue": False, "epoch": 7,
+    "mode": "incremental",
 }  # fmt: skip
 
 
@@ -35,7 +37,7 @@ class Link:
     """A connection whose tags change by what is asked, and by themselves with every look.
 
     Attributes:
-        does: tags by kind of command. asked: kinds with their values, in their order.
+        does: tags by kind of command. asked: kinds with their values, in their order. modes: that were asked for.
         looks: tags of the looks to come, each on top of those before. lets_go: why the service lets a held key go.
     """
 
@@ -46,6 +48,7 @@ class Link:
         self.tags = {**AT_REST, **tags}
         self.does: dict[str, dict[str, Any]] = {"give": {"authority_client": ""}}
         self.asked: list[Any] = []
+        self.modes: list[str] = []
         self.looks: list[dict[str, Any]] = []
         self.when_looked: Callable[[], None] = lambda: None
 
@@ -61,6 +64,7 @@ class Link:
             self.tags[values["tag"]] = values["value"]
         else:
             self.asked.append(kind)
+            self.modes += [values["mode"]] if kind == "mode" else []
         self.tags.update(self.does.get(kind, {}))
         return {"journal": 100, "epoch": self.tags["epoch"]}
 
@@ -100,6 +104,28 @@ def test_a_move_borrows_speed_and_override_and_gives_both_back(monkeypatch: pyte
         ("speed_setting_deg_s", 2.0),
         ("override_percent", 40.0),
     ]
+
+
+@pytest.mark.parametrize(
+    ("tags", "after"),
+    [
+        ({}, [("speed_setting_deg_s", 2.0), "mode"]),
+        ({"mode": "continuous"}, [("speed_setting_deg_s", 2.0)]),
+        ({"authority_client": "other"}, []),
+    ],
+)
+def test_a_jog_borrows_speed_and_mode_and_gives_both_back(
+    monkeypatch: pytest.MonkeyPatch, tags: dict[str, Any], after: list[Any]
+) -> None:
+    """Not to whoever has taken control meanwhile."""
+    link = Link(mode=tags.pop("mode", "incremental"))
+    link.does["hold"] = {"authority_user": "otto", **tags} if tags else {}
+    with nullcontext() if not tags else pytest.raises(CommandRefused, match="otto"):
+        axis_of(link, monkeypatch).jog(True, 6.0, 5.0)
+    assert [each for each in link.asked if each != "left"] == [
+        "take", "mode", ("speed_setting_deg_s", 6.0), "hold", *after,
+    ]  # fmt: skip
+    assert link.modes == ["continuous", "incremental"][: 1 + ("mode" in after)]
 
 
 def test_a_move_that_was_stopped_is_not_done(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -279,12 +279,19 @@ class ServiceAxis:
         direction = 1.0 if forward else -1.0
         require(check_direction(rad(start_deg), direction, travel_settings(self.machine)))
         self.power_up()
-        start_s = self.tags["time_s"]
+        start_s, before = self.tags["time_s"], dict(self.tags)
         self._link.ask("mode", mode="continuous")
         self._set("speed_setting_deg_s", speed_deg_s)
         epoch = self.tags["epoch"]
-        lost = self._link.hold(forward, seconds, lambda: self.stop is not Stop.NO)
-        report = self._followed(start_deg, start_s, epoch)
+        try:
+            lost = self._link.hold(forward, seconds, lambda: self.stop is not Stop.NO)
+            report = self._followed(start_deg, start_s, epoch)
+        finally:
+            # As with a move: who presses the next key at the page has mode and speed that were set there.
+            if not self._taken_by:
+                self._set("speed_setting_deg_s", before["speed_setting_deg_s"])
+                if before["mode"] != "continuous" and self.tags["at_rest"]:
+                    self._link.ask("mode", mode=before["mode"])
         if lost is not None and report.done:
             raise CommandRefused(f"the key was let go before its time: {lost}")
         return report

@@ -35,7 +35,7 @@ def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
         angle_deg=tags["pos_act_deg"],
         encoder="ok" if tags["position_valid"] else tags["blocked_by"] or "the position is not valid",
         last_result=kept.last_result,
-        last_alarm="; ".join(row["text"] for row in tags["alarms"]),
+        last_alarm="; ".join(row["text"] for row in tags["alarms"]) or _last_alarm(tags, kept),
         error_stop=next((row["code"] for row in tags["alarms"] if row["first_out"]), kept.error_stop),
         power_ups=kept.power_ups,
         moves=kept.moves,
@@ -46,6 +46,12 @@ def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
         ledger=ledger_shown(machine, directory_of(machine)),
     )
     return status, tags
+
+
+def _last_alarm(tags: Tags, kept: Retained) -> str:
+    """Text of the last alarm, of this start or an earlier one, where none is active; "" where there was none."""
+    texts = [row["text"] for row in tags["alarm_history"][:1]] or [alarm.text for alarm in kept.alarms[-1:]]
+    return texts[0] if texts else ""
 
 
 def watch_service(machine: Machine, *, as_json: bool) -> None:
@@ -99,8 +105,11 @@ def _lateness_words(tags: Tags) -> str:
 
 
 def _power_words(tags: Tags) -> str:
+    phase = str(tags["power_phase"]).replace("_", " ")
     if not tags["power"]:
-        return tags["blocked_by"] or "off"
+        # On the way up, in a stop, and where torque alone holds the load, the motor may have torque.
+        words = [] if phase == "off" else [phase]
+        return "; ".join([*words, tags["blocked_by"]] if tags["blocked_by"] else words) or "off"
     left_s = tags["unheld_power_left_s"]
     return "on" if left_s is None else f"on; off in {left_s:.0f} s, because nobody has control"
 

@@ -15,7 +15,7 @@ from gantryctl.cli.drive.node import drive_node
 from gantryctl.cli.drive.profiles import profiles
 from gantryctl.cli.drive.saving import save
 from gantryctl.cli.options import bus_log_option, config_option, confirm, json_option, print_json, write_text
-from gantryctl.cli.values import INPUT
+from gantryctl.cli.values import INPUT, PATH
 
 if TYPE_CHECKING:
     from gantryctl.drives.od.model import DeviceDescription
@@ -128,7 +128,7 @@ def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> i
 @bus_log_option
 @config_option
 @click.option("--eds", "eds_file", type=INPUT, help="Which objects there are; [can] eds when not given.")
-@click.argument("file", type=INPUT)
+@click.argument("file", type=PATH)
 def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
     """Read every writable object from the drive into FILE (JSON)."""
     from gantryctl.drives.canopen.setup.parameters import backup as read_all
