@@ -397,3 +397,33 @@ def test_a_drive_that_may_be_opening_its_brake_is_told_to_stop_until_it_has_show
         rig.step()
         said.append((rig.axis.power.phase, rig.output.request))
     assert said == [(P.DISABLING, DriveRequest.QUICK_STOP)] * 4 + [(P.OFF, DriveRequest.DISABLE)]
+
+
+@BOTH
+@pytest.mark.parametrize("phase", [P.RELEASING, P.SAG_WATCH])
+def test_a_wrong_sign_as_the_brake_opens_is_told_before_the_way_that_it_has_moved(phase, way):
+    """Nine scans of 2 deg/s and one of 2.2: 0.0202 of 0.02 deg, in the scan that gains 0.2 of 0.15 deg/s against it.
+
+    What people read first is what they mend: "check the learned holding torque" sends them to a sound brake.
+    """
+    rig = Rig()
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is phase, 5.0)
+    speeds = [2.0] * 9 + [2.2] * 50
+    counts = rig.image.drive.pos_act_counts
+
+    def spoil(drive):
+        nonlocal counts
+        vel_rad_s = way * rad(speeds.pop(0)) * RATIO
+        counts += vel_rad_s * rig.period_s / math.tau * COUNTS_PER_TURN
+        return drive._replace(
+            pos_act_counts=round(counts), vel_act_rad_s=vel_rad_s, torque_act_nm=-way * 350.0
+        )
+
+    rig.spoil = spoil
+    rig.run(9 * rig.period_s)
+    assert rig.codes == []
+    rig.step()
+    assert rig.codes == ["ENC-12", "BRK-10"]
+    assert (rig.first.code, rig.first.reaction) == (Code.ENC_12, Reaction.TORQUE_OFF)
+    assert rig.axis.alarms.active[Code.BRK_10].follows is Code.ENC_12

@@ -45,6 +45,7 @@ _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
 # A contact that goes on saying closed keeps the axis in RELEASING with its brake open (random seed 102094).
 # A drive that owns its brake holds the load on its own ramp in DISABLING, until its brake has closed.
 _HELD: Final = (*_TRIED, PowerPhase.RELEASING, PowerPhase.CLOSING, PowerPhase.UNLOADING, PowerPhase.DISABLING)
+_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 
 
@@ -169,6 +170,9 @@ class Axis:
         if self.interlocks.scan(pos, powered):
             self._site.scan(pos, powered, not self.at_rest)
         self.thermal.scan(time_s)
+        if power.phase in _OPENING:
+            # Before the step judges how far the shaft has moved: that follows from a sign that is wrong.
+            self._ask_torque()
         power.step(pos)
         if power.phase is not _OFF:
             self._try_reading()
@@ -421,13 +425,7 @@ class Axis:
             if power.phase is _ON:
                 self.liveness.move()
             return
-        # In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap. So it
-        # may in a quick stop, but a sound one never leaves its ramp.
-        if feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
-            if power.phase in _HELD:
-                self.liveness.drive_against()
-            elif power.phase is PowerPhase.QUICK_STOPPING:
-                self.liveness.ramp_against(left=power.ramp_left)
+        self._ask_torque()
         if power.phase is _ON:
             self.liveness.stand(proven=True)
         elif power.phase is PowerPhase.SAG_WATCH:
@@ -436,6 +434,19 @@ class Axis:
             power.phase is PowerPhase.CLOSING and feedback.brake_open
         ):
             self.liveness.stop()
+
+    def _ask_torque(self) -> None:
+        """Ask whether the drive pushes the shaft the way that the reading tells; asked twice in a scan it counts once.
+
+        In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap. So it
+        may in a quick stop, but a sound one never leaves its ramp.
+        """
+        power, feedback = self.power, self.feedback
+        if feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
+            if power.phase in _HELD:
+                self.liveness.drive_against()
+            elif power.phase is PowerPhase.QUICK_STOPPING:
+                self.liveness.ramp_against(left=power.ramp_left)
 
     def _interrupted(self) -> None:
         """Act on a pending or latched alarm, on power that goes off, or on a reset under way."""
