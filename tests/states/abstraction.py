@@ -232,7 +232,7 @@ RULES: Final[dict[type, Rules]] = {
         "motor_temp_c periods state state_old "
         "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",
-        count="_gap_scans _inputs_age _late_age _speed_age age unchanged_scans",
+        count="_gap_scans _gap_stands _inputs_age _late_age _speed_age age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         # `_rest` is what other attributes were taken from.
         clock="_drift _gap_counts _gap_vel _gap_way _rest _step _step_before _torque_left_nm _torque_twist_nm "
@@ -245,6 +245,7 @@ RULES: Final[dict[type, Rules]] = {
         special={
             "_late_scan": _since("_late_scan"),
             "_let_go_scan": lambda each, roots: max(-1, each._let_go_scan - roots.axis.scan),
+            "_speed_late_scan": _since("_speed_late_scan"),
             "_speed_scan": _since("_speed_scan"),
             "_bad_scans": lambda feedback, roots: tuple(
                 min(roots.axis.scan - scan, 8) for scan in feedback._bad_scans

@@ -660,6 +660,50 @@ def test_a_reading_that_comes_again_nearer_than_any_axis_comes_to_rest_is_frozen
     assert encoder.feedback.position_valid is not frozen
 
 
+def in_gap(period_s, speeds_deg_s, *, speed_ages=None, brake_open=True):
+    """Positions are missing from now on, and these speeds come meanwhile; scans until the encoder is called frozen."""
+    encoder = Encoder(period_s, speeds_deg_s[0], monitors=ROTOR)
+    encoder.said["brake_open"] = brake_open
+    last, ages = encoder.feedback.counts, speed_ages or [0] * len(speeds_deg_s)
+    for age, (speed_deg_s, speed_age) in enumerate(zip(speeds_deg_s, ages, strict=True), 1):
+        encoder.scan(counts=last, age_scans=age, speed_age_scans=speed_age, speed_deg_s=speed_deg_s)
+        if "ENC-02" in encoder.codes:
+            assert encoder.reaction("ENC-02") is Reaction.TORQUE_OFF
+            values = encoder.alarms.active[Code.ENC_02].values
+            assert values["measured"].values["value"] == approx(abs(speeds_deg_s[0]), abs=1e-9)
+            return age
+    assert encoder.feedback.in_doubt is False
+    return None
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("period_s", "brake_open", "least_deg_s"),
+    # 0.1 deg/s, and what 22 deg/s2 of a quick stop, or half of 169 by a closed brake, take away within the scan.
+    [(0.001, True, 0.122), (0.004, True, 0.188), (0.010, True, 0.320), (0.004, False, 0.438)],
+)
+def test_a_speed_that_falls_to_nothing_while_positions_are_missing_is_of_a_frozen_encoder(
+    period_s, brake_open, least_deg_s, way
+):
+    """It stands 30 ms, three scans at least: behind the gap its count stands where it may as well have come to rest."""
+    stands = round(in_scans(0.030, period_s) / period_s)
+    for deg_s, scans in ((least_deg_s + 0.001, 5 + stands), (least_deg_s - 0.001, None)):
+        speeds = [way * deg_s] * 5 + [0.0] * 40
+        assert in_gap(period_s, speeds, brake_open=brake_open) == scans
+
+
+@BOTH
+def test_a_speed_that_is_old_or_falls_on_its_way_or_does_not_stay_is_of_no_frozen_encoder(way):
+    """A sound stop of 5.5 deg/s2 in a gap; a speed that is old as it stands, or was; and 28 of the 30 ms."""
+    ramp = [way * max(0.0, 0.6 - 0.022 * scan) for scan in range(80)]
+    assert in_gap(0.004, ramp) is None
+    stops = [way * 0.9] * 5 + [0.0] * 40
+    assert in_gap(0.004, stops, speed_ages=[0] * 5 + [1] + [0] * 39) is None
+    assert in_gap(0.004, stops, speed_ages=[0] * 4 + [1] + [0] * 40) is None
+    assert in_gap(0.004, stops, speed_ages=[1] * 4 + [0] * 41) == 13
+    assert in_gap(0.004, ([way * 0.9] * 5 + [0.0] * 7) * 3) is None
+
+
 def test_a_reading_that_moves_on_behind_a_gap_may_stand_later_where_it_was():
     """It swings back to the count of before the gap, and rests there 0.1 s after the telegrams came again."""
     encoder = Encoder(0.001, 1.0, monitors=ROTOR)

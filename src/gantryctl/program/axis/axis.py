@@ -170,12 +170,7 @@ class Axis:
         if self.interlocks.scan(pos, powered):
             self._site.scan(pos, powered, not self.at_rest)
         self.thermal.scan(time_s)
-        if power.phase in _OPENING:
-            # Before the step judges how far the shaft has moved: that follows from a sign that is wrong.
-            self._ask_torque()
-        power.step(pos)
-        if power.phase is not _OFF:
-            self._try_reading()
+        self._step_power(pos)
         # An alarm raised in this scan acts on the output of this scan.
         if alarms.pending or self._error or self.motion.switching_off or self.recovery.resetting:
             self._interrupted()
@@ -417,6 +412,15 @@ class Axis:
                 )
             case _:
                 assert_never(stop.cause)
+
+    def _step_power(self, pos_rad: float) -> None:
+        power = self.power
+        if power.phase in _OPENING:
+            # Before the step judges how far the shaft has moved: that follows from a sign that is wrong.
+            self._ask_torque()
+        power.step(pos_rad)
+        if power.phase is not _OFF:
+            self._try_reading()
 
     def _try_reading(self) -> None:
         """Ask whether the reading lives, wherever the drive holds the axis or brings it to rest."""
