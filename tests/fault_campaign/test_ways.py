@@ -8,6 +8,7 @@ import pytest
 
 from gantryctl.engineering.fault_campaign.judging.effects import nothing_holds
 from gantryctl.engineering.fault_campaign.judging.ways import Way
+from gantryctl.engineering.fault_campaign.machines import base_machine
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.catalogue import fault_case
 from gantryctl.machine import default_machine
@@ -80,3 +81,17 @@ def test_what_a_fault_adds_to_a_limit(number: str, drive: Literal["sim", "bus"],
 def test_a_load_that_two_faults_let_go_of(numbers: tuple[str, ...], nothing: bool) -> None:
     """A brake without torque, and the drive trips or the controller stands still; either alone leaves the other."""
     assert nothing_holds([fault_case(number) for number in numbers]) is nothing
+
+
+@pytest.mark.parametrize(
+    ("numbers", "limit_deg"),
+    [(("E8", "A2"), 3.36), (("E9", "A2"), 3.36), (("E8", "D1"), 1.0), (("E1", "A2"), 1.0)],
+)
+def test_a_spoilt_encoder_drives_a_drive_on_that_no_command_reaches(
+    numbers: tuple[str, str], limit_deg: float
+) -> None:
+    """From 1 deg/s: 1.196 deg by all torque in the 0.39 s of its own deadline, ramp and brake, and 2.1 of the brake."""
+    scenario = Scenario(drive="bus", brake_owner="drive", faults=tuple(map(fault, numbers)))
+    machine = base_machine("bus", False, "drive", 4.0)
+    way = Way(scenario, machine, [fault(numbers[0])], fault(numbers[1]), 2.0, 10.0, 1.0)
+    assert way._weakened(1.0, 1.0) == pytest.approx(limit_deg, rel=0.01)

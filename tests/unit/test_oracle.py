@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from gantryctl.engineering.fault_campaign.machines import base_machine
+from gantryctl.engineering.faults.injection import injection
 from gantryctl.engineering.faults.limits import runs_out_deg
 from gantryctl.engineering.faults.oracle import limits
 from gantryctl.engineering.faults.oracle.asked import Asked
@@ -20,6 +21,7 @@ from gantryctl.engineering.faults.oracle.limits import StopClass
 from gantryctl.engineering.faults.oracle.silence import Silence
 from gantryctl.engineering.faults.oracle.stretch import stretch_around
 from gantryctl.engineering.faults.oracle.taps import Oracle
+from gantryctl.engineering.faults.oracle.tell import tell
 from gantryctl.engineering.faults.oracle.words import Instant, Stop, judge_words
 from gantryctl.image import DriveRequest, Mode, OutputImage
 from gantryctl.machine import default_machine, with_values
@@ -667,3 +669,42 @@ def test_how_far_a_drive_runs_out_is_that_of_its_friction_and_its_load() -> None
     bus = base_machine("bus", False, "drive", 4.0)
     assert runs_out_deg(bus, -0.5, 0.02) == pytest.approx(1.184, rel=2e-3)
     assert runs_out_deg(with_values(bus, {"plant.load.eccentricity_m": 0.0225}), 0.5, 0.02) == math.inf
+
+
+@pytest.mark.parametrize(("nodes", "held_s"), [(False, 0.3902), (True, 0.1)])
+@pytest.mark.parametrize("kind", ["rpdo_lost", "drive_silent"])
+def test_a_drive_that_no_command_reaches_ends_by_its_relay_or_by_itself(
+    kind: str, nodes: bool, held_s: float
+) -> None:
+    """From 1 deg/s: 55 ms of deadline, scan and drive, 1 / 5.4 s of ramp, 150 ms of its brake; 100 ms of a relay."""
+    axis = bare([])
+    axis.speed = -1.0
+    target = SimpleNamespace(machine=base_machine("bus", nodes, "drive", 4.0))
+    tell(axis, injection("frame", kind), target)  # type: ignore[arg-type]
+    assert axis.known.held is not None
+    assert axis.known.held.held_s == pytest.approx(held_s, abs=1e-4)
+
+
+@pytest.mark.parametrize(("unreached", "most"), [(False, 0.35), (True, 0.8)])
+def test_a_spoilt_encoder_drives_on_a_drive_that_no_command_reaches_and_no_other(
+    unreached: bool, most: float
+) -> None:
+    """A program that could take the torque off and does not is found, and a drive that goes on behind its deadline."""
+    for way, found in ((0.99 * most, list[Violation]()), (1.01 * most, list[Violation]())):
+        axis = bare(found)
+        axis.bounds = replace(axis.bounds, held_way_deg=lambda speed, held_s: 0.8 if held_s == 0.5 else 9.0)
+        axis.known.inject(axis.now(), Effect(feedback=True, at_once=True))
+        if unreached:
+            axis.known.hold(axis.now(), 0.5)
+        alarm = Alarm(Code.ENC_14, 0.0, {}, Reaction.TORQUE_OFF)
+        axis._stop = Stop(alarm, StopClass.FEEDBACK, axis.now(), axis.now())
+        axis.sample(way, 0.5, 0.0, brake_open=True, energised=True)
+        assert [each.invariant for each in found] == ["INV-1"] * (way > most)
+
+
+def test_every_axis_has_a_bound_of_what_a_spoilt_encoder_may_drive_while_nobody_can_act() -> None:
+    """2.48e6 kg m2 by 385 N m and the load: 10.6 deg/s2, 1.196 deg in 0.39 s, and the brake from 5.1 deg/s, 2.1 deg."""
+    bounds = limits.bounds_of(base_machine("bus", False, "drive", 4.0))
+    assert bounds.held_way_deg is not None
+    assert bounds.driven_acc_deg_s2 == pytest.approx(10.6, abs=0.05)
+    assert bounds.held_way_deg(1.0, 0.3902) == pytest.approx(1.02 * (1.196 + 2.1), rel=0.01)

@@ -30,6 +30,7 @@ BEGINS_WITH: dict[str, object] = {
     "Axis.scan": -1,
     "Feedback._late_scan": -10,
     "Feedback._let_go_scan": -1,
+    "Feedback._speed_late_scan": -10,
     "Feedback._speed_scan": -10,
     "Feedback._turn_scan": -10,
     "Feedback._uneven_scan": -10,

@@ -91,6 +91,11 @@ def stops_its_telegrams(injections: Sequence[Injection]) -> bool:
     )
 
 
+def unreached(each: Injection) -> bool:
+    """No command reaches the drive from now on."""
+    return each.kind in ("drive_silent", "rpdo_lost")
+
+
 def limit_deg(
     machine: Machine, reaction: ReactionClass, speed_deg_s: float, seen_by: SeenBy = SeenBy.CLASS
 ) -> float:
@@ -179,9 +184,14 @@ def held_up_deg(machine: Machine, speed_deg_s: float, held_s: float) -> float:
     speed = abs(speed_deg_s)
     driven_s = held_s + _spoilt_s(machine)
     if machine.on_bus:
-        ramp_s = speed / machine.virtual_axis.quick_dec_deg_s2
-        driven_s = min(driven_s, _deadline_missed_s(machine) + ramp_s + machine.brake.close_time_ms * _MS)
+        driven_s = min(driven_s, goes_by_itself_s(machine, speed))
     return _driven_deg(machine, speed, driven_acc_deg_s2(machine), driven_s)
+
+
+def goes_by_itself_s(machine: Machine, speed_deg_s: float) -> float:
+    """Time in which a drive that no command reaches takes its torque off: deadline, ramp, and its brake before that."""
+    ramp_s = abs(speed_deg_s) / machine.virtual_axis.quick_dec_deg_s2
+    return _deadline_missed_s(machine) + ramp_s + machine.brake.close_time_ms * _MS
 
 
 def runs_out_deg(machine: Machine, speed_deg_s: float, torque_share: float) -> float:

@@ -26,7 +26,13 @@ import numpy as np
 from gantryctl.engineering.fault_campaign.machines import base_machine, base_of
 from gantryctl.engineering.fault_campaign.scenario import PlannedFault, Scenario
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass, SeenBy
-from gantryctl.engineering.faults.limits import held_up_deg, limit_deg, reaction_of
+from gantryctl.engineering.faults.limits import (
+    goes_by_itself_s,
+    held_up_deg,
+    limit_deg,
+    reaction_of,
+    unreached,
+)
 from gantryctl.engineering.faults.oracle.tell import effect_of
 from gantryctl.machine import Machine
 
@@ -179,6 +185,11 @@ class Way:
                     limit += late_s * speed_deg_s if self._scenario.drive == "sim" else 0.0
                     if self._spoilt:
                         limit = max(limit, held_up_deg(self._machine, speed_deg_s, late_s))
+                elif unreached(injection) and self._spoilt:
+                    # No torque off arrives: with what its encoder shows the drive goes on until its own deadline has
+                    # ended (a yaw drive from 0.112 deg/s, 0.313 deg: E8, then A2).
+                    own_s = goes_by_itself_s(self._machine, speed_deg_s)
+                    limit = max(limit, held_up_deg(self._machine, speed_deg_s, own_s))
                 elif injection.where == "brake" and injection.kind == "torque":
                     share = injection.values["share"]
                     limit = limit / share if share > 0.0 else math.inf

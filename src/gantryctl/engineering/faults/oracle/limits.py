@@ -168,6 +168,8 @@ def bounds_of(machine: Machine) -> Bounds:
             StopClass.SILENCE: max(brake_s, quick_s if machine.on_bus else 0.0) + 0.2,
         },
         way_deg=partial(_computed_way_deg, machine),
+        held_way_deg=partial(held_up_deg, machine),
+        driven_acc_deg_s2=driven_acc_deg_s2(machine),
         runs_out_deg=partial(runs_out_deg, machine),
     )
 

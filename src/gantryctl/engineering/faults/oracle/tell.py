@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.kinds.kind import Place
-from gantryctl.engineering.faults.limits import stops_its_telegrams
+from gantryctl.engineering.faults.limits import goes_by_itself_s, stops_its_telegrams, unreached
 from gantryctl.engineering.faults.oracle.axis_oracle import AxisOracle
 from gantryctl.engineering.faults.oracle.known import Effect
 from gantryctl.engineering.faults.oracle.limits import BRAKE_BEGINS_S
@@ -75,8 +75,7 @@ def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
     """Tell the oracle of this axis of an injection that acts from now on."""
     known, now = axis.known, axis.now()
     # Nor does a drive that no command reaches take its torque off before the end of that ramp (axes 8109 on the bus).
-    unreached = each.kind in ("drive_silent", "rpdo_lost")
-    known.own_ramp = known.own_ramp or stops_its_telegrams((each,)) or unreached
+    known.own_ramp = known.own_ramp or stops_its_telegrams((each,)) or unreached(each)
     watchdog_s = target.machine.can.watchdog_ms * 1e-3
     if each.kind == "slow":
         known.brake_late_s = each.values["late_s"]
@@ -99,9 +98,13 @@ def tell(axis: AxisOracle, each: Injection, target: Target) -> None:
         known.load_share = lambda motor_rad: load_share(target, motor_rad)
     if each.kind == "stall":
         known.hold(now, each.values["late_s"])
-    if unreached:
-        # Nobody reaches the drive either, until the watchdog relay has fallen, or its own deadline has passed.
-        known.hold(now, watchdog_s)
+    if unreached(each):
+        # Nobody reaches the drive either, until the watchdog relay has fallen. Where there is none, and no brake but
+        # through the drive, it goes by its own deadline: a torque off that is told to a frozen encoder does not arrive
+        # (axis-pairs 1099, 1122).
+        machine = target.machine
+        ended = machine.can.output_place("watchdog") or machine.brake.owner == "controller_output"
+        known.hold(now, watchdog_s if ended else goes_by_itself_s(machine, axis.deg(axis.speed)))
     if (each.where, each.kind) == (Place.DRIVE, "torque_limit"):
         known.torque_share = each.values["share"]
     known.inject(now, effect_of(each), math.inf if each.for_s is None else each.for_s)
