@@ -43,10 +43,10 @@ def test_commands_values_and_minutes_on_a_bus(tmp_path: Path) -> None:
 
 def test_the_whole_of_it_in_virtual_time(tmp_path: Path) -> None:
     """One command with a virtual drive in the process, turn and chord test by the simulated tracker included."""
-    begun_s = time.monotonic()
+    begun_s = time.process_time()
     answer = cli("commission", "--with-sim", "--out", tmp_path / "report")
-    took_s = time.monotonic() - begun_s
-    print({"seconds": took_s})
+    took_s = time.process_time() - begun_s
+    print({"processor_s": took_s})
     assert answer.code == 0, answer.out
     assert (
         "chord test E by simulated tracker, seed 0, simulated: A as measured of the whole test" in answer.out
