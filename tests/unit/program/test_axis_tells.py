@@ -97,7 +97,8 @@ def test_the_reading_is_tried_wherever_the_drive_holds_the_axis_at_rest_or_stops
             if phase is not before:
                 continue
             by_torque = (
-                phase in (PowerPhase.CLOSING, PowerPhase.QUICK_STOPPING) and rig.image.drive.brake_open
+                phase in (PowerPhase.CLOSING, PowerPhase.DISABLING, PowerPhase.QUICK_STOPPING)
+                and rig.image.drive.brake_open
             )
             assert watch.asked == ("stop" if by_torque else wanted.get(phase)), phase
     assert {PowerPhase.SAG_WATCH, PowerPhase.ON, PowerPhase.CLOSING, PowerPhase.DISABLING} < phases
@@ -242,11 +243,14 @@ def test_a_torque_that_no_motor_gives_is_told_with_power_off_too(torque_nm):
 @pytest.mark.parametrize("phase", PowerPhase)
 @pytest.mark.parametrize("brake_open", [True, False])
 def test_the_reading_of_a_shaft_that_no_torque_holds_is_not_asked_about(phase, brake_open):
-    """By its torque it is asked only on the ramp of the drive and as the brake closes, until that holds."""
+    """By its torque it is asked only on the ramp of the drive and as the brake closes, until that holds.
+
+    A drive that owns its brake closes it in DISABLING.
+    """
     rig = powered()
     watch = rig.axis.liveness = Asked()
     rig.axis.power.phase, rig.axis.feedback.brake_open = phase, brake_open
     rig.axis._try_reading()
-    by_torque = phase in (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING) and brake_open
+    by_torque = phase in (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING, PowerPhase.DISABLING) and brake_open
     by_speed = phase in (PowerPhase.ON, PowerPhase.SAG_WATCH)
     assert watch.asked == ("stop" if by_torque else "proven" if by_speed else None)
