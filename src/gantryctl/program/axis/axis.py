@@ -46,8 +46,8 @@ _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
 # A drive that owns its brake holds the load on its own ramp in DISABLING, until its brake has closed.
 _HELD: Final = (*_TRIED, PowerPhase.RELEASING, PowerPhase.CLOSING, PowerPhase.UNLOADING, PowerPhase.DISABLING)
 _OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
-# A drive that owns its brake closes it in DISABLING: with power off in the middle of a question it had -385 N m for 0.16 s
-# on a frozen reading (random seed 200015).
+# A drive that owns its brake closes it in DISABLING: with power off in the middle of a question it had -385 N m for
+# 0.16 s on a frozen reading (random seed 200015).
 _BRAKE_CLOSING: Final = (PowerPhase.CLOSING, PowerPhase.DISABLING)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 
