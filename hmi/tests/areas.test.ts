@@ -408,6 +408,19 @@ describe('a message', () => {
     expect(said([], 'english')).toBe('english');
     expect(said(null, undefined)).toBe('');
   });
+
+  test('keeps what it has found apart, and says of what holds the axis what to do about it', () => {
+    prefs.language = 'zh';
+    const stale = [
+      { words: 'STALE_FRICTION', values: { measured: 12, limit: 10 } },
+      { words: 'STALE_BACKLASH', values: { measured: 0.5, limit: 0.25 } },
+    ];
+    expect(said([{ code: 'CTL-22', values: { measured: stale } } as never], '')).toMatch(
+      /摩擦改变 \+12 N m，限值 10 N m；齿隙至少 0\.5000°/,
+    );
+    const held = { reason: 'CTL-23', values: { measured: 120, limit: 90 } };
+    expect(said([held as never], '')).toMatch(/^CTL-23 · .*120 N m.*90 N m · 查看轴。复位/);
+  });
 });
 
 test('the imbalance of a table is told in newton metres, and that of a gantry in thousands', () => {

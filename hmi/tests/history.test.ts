@@ -26,6 +26,14 @@ describe('the time of day of a row', () => {
     expect(history.last(30).clock_s[0]).toBeCloseTo(START_S + 3620, 4);
   });
 
+  test('of the first row of a controller that has started anew is not behind a gap of the one before', () => {
+    const history = new History();
+    history.add({ time_s: 10, pos_act_deg: 1 }, START_S);
+    history.gap();
+    history.add({ time_s: 1, pos_act_deg: 2 }, START_S + 5);
+    expect(history.last(30)).toMatchObject({ time_s: [1], pos_act_deg: [2] });
+  });
+
   test('stands in the CSV as UTC', () => {
     const history = new History();
     history.add({ time_s: 10, pos_act_deg: -1.5 }, START_S);

@@ -41,6 +41,7 @@ vi.stubGlobal('fetch', () => {
 const { link } = await import('../src/lib/link.svelte');
 const { hold } = await import('../src/lib/hold.svelte');
 const { Lateness } = await import('../src/lib/age');
+const { halting, journal, keys, move } = await import('../src/lib/rules');
 const { sight } = await import('../src/lib/sight.svelte');
 const mineAtFirst = link.mine;
 vi.spyOn(sight, 'look').mockImplementation(() => {});
@@ -183,6 +184,17 @@ test('a session that the service has ended is not tried again; a connection that
   socket = Socket.all.at(-1)!;
 });
 
+test('each connection that is lost is followed by the next one after half a second', async () => {
+  for (let n = 0; n < 4; n++) {
+    const lost = socket;
+    lost.close(1006);
+    await pass(600);
+    socket = Socket.all.at(-1)!;
+    expect(socket).not.toBe(lost);
+    socket.says(WELCOME);
+  }
+});
+
 test('what is not known of stale data is a gap in the curves', async () => {
   frame({ time_s: 10, pos_act_deg: 1 });
   frame({ time_s: 10.05, pos_act_deg: 2 });
@@ -227,6 +239,37 @@ test('a sign of life is given with fresh frames, by who has control', async () =
   await pass(500);
   frame({ authority_client: 'c2' });
   expect(sent('alive')).toHaveLength(2);
+});
+
+test('motion is offered while the journal is slow, and a stop that an alarm has begun is not ended', () => {
+  const offered = (tags: object, of: () => [boolean, string][]): boolean => {
+    frame(tags);
+    return !of().some(([fails]) => fails);
+  };
+  for (const [journal_state, may] of [
+    ['ok', true],
+    ['slow', true],
+    ['failed', false],
+  ] as const)
+    // prettier-ignore
+    expect(offered({ journal_state }, () => [journal()])).toBe(may);
+  expect(offered({ at_rest: false, axis_state: 'discrete_motion' }, halting)).toBe(true);
+  expect(offered({ at_rest: false, axis_state: 'error_stop' }, halting)).toBe(false);
+  expect(offered({ at_rest: true, axis_state: 'standstill' }, halting)).toBe(false);
+  // At the console a move has no cap; this page is there.
+  const fast = {
+    power: true,
+    alarms: [],
+    journal_state: 'ok',
+    brake_test_overdue: false,
+    enabling_switch: false,
+  };
+  expect(offered({ ...fast, speed_setting_deg_s: 3, speed_cap_deg_s: 1 }, move)).toBe(true);
+  for (const mode of ['continuous', 'incremental'] as const) {
+    expect(offered({ mode }, () => keys(mode))).toBe(false);
+    expect(offered({ enabling_switch: true }, () => keys(mode))).toBe(true);
+    frame({ enabling_switch: false });
+  }
 });
 
 describe('a command', () => {
@@ -343,6 +386,21 @@ describe('a key that is held', () => {
     socket.close();
     await pass(60);
     expect([hold.direction, hold.ended]).toEqual([null, 'stale']);
+  });
+
+  test('ends at once on a connection that takes nothing any more', async () => {
+    hold.press('forward');
+    socket.readyState = 2;
+    await pass(40);
+    expect([hold.direction, hold.ended]).toEqual([null, 'lost']);
+  });
+
+  test('has nothing beside it of how the press before has ended', () => {
+    hold.press('forward');
+    hold.release('released');
+    expect(hold.ended).toBe('released');
+    hold.press('forward');
+    expect([hold.direction, hold.ended]).toEqual(['forward', '']);
   });
 
   test('ends 400 ms after the press where the controller has no lease of it', async () => {

@@ -77,6 +77,42 @@ test('what happens between the last sample before it is armed and the next one f
   expect(scope.whole()).toBe(null);
 });
 
+test('what comes late of before it was armed fires nothing, and a picture that fills is given up', () => {
+  const scope = new Acquisition(SETTING);
+  scope.arm(SETTING, 2.0);
+  for (const [time, v] of [[1.0, 0], [1.9, 1], [2.1, 0], [2.5, 1]] as const) scope.takeFrame(time, { v }); // prettier-ignore
+  scope.takeRows([], {}, 2.51, false);
+  expect([scope.filling, scope.whole()]).toEqual([true, null]);
+  scope.takeRows([], {}, 2.6, false);
+  expect(scope.whole()).toBe(2.5);
+  scope.takeFrame(2.7, { v: 0 });
+  scope.takeFrame(2.8, { v: 1 });
+  scope.takeRows([], {}, 2.81, false);
+  scope.arm(SETTING, 2.81);
+  scope.takeRows([], {}, 3.0, false);
+  expect([scope.filling, scope.whole()]).toEqual([false, null]);
+});
+
+test('a picture stands around the first of two edges, and none around one of a controller that has gone', () => {
+  const scope = new Acquisition(SETTING);
+  scope.arm(SETTING, 0);
+  const at = (from: number, v: number[]): void =>
+    scope.takeRows(
+      v.map((_, i) => from + i / 100),
+      { v },
+      -Infinity,
+      false,
+    );
+  at(1, [0, 1, 0, 1, 0, 0, 0]);
+  expect(scope.filling).toBe(true);
+  at(1.07, [0, 0, 0]);
+  expect(scope.whole()).toBe(1.01);
+  at(1.2, [0, 1, 1]);
+  expect(scope.filling).toBe(true);
+  at(0.1, [0, 0, 0]); // its time begins anew
+  expect([scope.filling, scope.whole()]).toEqual([false, null]);
+});
+
 test('rows that are missing fire nothing', () => {
   const scope = new Acquisition(SETTING);
   scope.arm(SETTING, 0);

@@ -144,6 +144,18 @@ test('a sector is named that lies between, and the way round where the axis has 
   expect(values(refusal(55, 'positive', turning)).round).toEqual({ words: 'NO_WAY_ROUND', values: {} });
 });
 
+test('of two sectors on one side the nearer one is named, whichever the file has first', () => {
+  const near: [number, number] = [-60, -50];
+  for (const no_go_deg of [
+    [[-120, -100], near],
+    [near, [-120, -100]],
+  ] as [number, number][][]) {
+    const at = { ...CABLE, no_go_deg, pos_ref_deg: 0, reach_min_deg: -50 };
+    const { begin: from, end: to } = values(refusal(-90, 'shortest', at));
+    expect([from, to]).toEqual(near);
+  }
+});
+
 test('an angle of a turning axis beyond a turn may have been meant as a way', () => {
   expect(codeOf(refusal(361, 'positive', { ...TURNING, pos_ref_deg: 0 }))).toBe('CTL-01');
   expect(refusal(-360, 'shortest', { ...TURNING, pos_ref_deg: 0 })).toBeNull();

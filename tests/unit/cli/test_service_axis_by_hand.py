@@ -17,6 +17,7 @@ from gantryctl.machine import default_machine, short_hash
 from gantryctl.operation.client import Ending, Stop
 from gantryctl.program import BrakeTestOutcome
 from gantryctl.service.clients.link import Refused
+from support.command_line import cli
 
 MACHINE = default_machine()
 AT_REST: dict[str, Any] = {
@@ -43,6 +44,7 @@ class Link:
 
     client = "me"
     lets_go: Refused | None = None
+    signs_of_life = 0
 
     def __init__(self, **tags: Any) -> None:
         self.tags = {**AT_REST, **tags}
@@ -80,7 +82,7 @@ class Link:
         return self.tags
 
     def alive(self) -> None:
-        return
+        self.signs_of_life += 1
 
 
 def axis_of(link: Link, monkeypatch: pytest.MonkeyPatch, *, take_over: bool = False) -> ServiceAxis:
@@ -264,6 +266,42 @@ def test_no_power_comes_for_a_jog_that_cannot_be(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(CommandRefused, match="180"):
         axis_of(Link(power=False, pos_act_deg=180.0), monkeypatch).jog(True, 1.0, 1.0)
     assert link.asked == ["take"]
+
+
+def test_a_way_that_leads_beyond_travel_is_refused_before_power_comes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From 10 deg 175 deg on; the other way round it is possible."""
+    link = Link(power=False, power_phase="off")
+    with pytest.raises(CommandRefused, match=r"target 185\.00 deg is beyond"):
+        axis_of(link, monkeypatch).move_by(175.0)
+    assert "power" not in link.asked
+
+
+def test_who_waits_for_the_end_of_a_motion_keeps_control_by_signs_of_life(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One with each look that has not shown the end."""
+    link = Link()
+    link.does["move"] = {"at_rest": False}
+    link.looks = [{}, {}, {}, {}, {"at_rest": True}]
+    axis_of(link, monkeypatch).move(20.0)
+    assert link.signs_of_life == 3
+
+
+@pytest.mark.parametrize("way", [["20"], ["--by", "10"]])
+def test_a_move_that_nobody_is_asked_about_tells_its_way_and_its_quick_stop(
+    monkeypatch: pytest.MonkeyPatch, way: list[str]
+) -> None:
+    """From 10 to 20 deg at 6 deg/s with 3 deg/s2."""
+    monkeypatch.setattr(service_axis, "ServiceLink", lambda *_: Link())
+    told = cli("move", "--service", "--yes", *way).out
+    assert "from 10.000 to 20.000 deg, way 10.000 deg at 6 deg/s, a quick stop takes 6.00 deg" in told
+
+
+def test_a_reset_that_nothing_has_followed_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Link(alarms=[{"code": "INT-03"}], alarm_count=1)
+    assert axis_of(link, monkeypatch).reset() == "nothing to reset; still there: INT-03"
 
 
 def test_a_lock_that_nobody_has_looked_at_is_not_reset(monkeypatch: pytest.MonkeyPatch) -> None:

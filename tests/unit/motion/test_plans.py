@@ -103,6 +103,18 @@ def test_start_and_end_are_exact() -> None:
     assert plan.sample(plan.duration + 1000.0) == (rad(-84.5), 0.0, 0.0)
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_plan_that_begins_as_the_axis_starts_has_no_step_of_the_acceleration(direction: float) -> None:
+    """The first instant of a motion, without speed yet: every plan goes on from its acceleration."""
+    start, limits = SetPoint(0.0, 0.0, direction * rad(0.2)), limits_deg(6.0, 0.67, 0.67, 1.34)
+    for plan in (
+        plan_move(start, direction * 1.0, limits),
+        plan_velocity(start, direction * rad(3.0), limits),
+        plan_stop(start, limits),
+    ):
+        assert plan.sample(0.0)[2] == direction * rad(0.2)
+
+
 def test_hold_and_a_move_to_where_it_is_stand_still() -> None:
     for plan in (hold(0.25), plan_move(SetPoint(0.25), 0.25, PAPER)):
         assert plan.duration == 0.0
