@@ -68,6 +68,15 @@ def test_a_backup_goes_back_where_it_came_from(tmp_path: Path) -> None:
     assert "another kind of drive" in answer.err
 
 
+def test_a_backup_is_written_under_the_name_that_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`-` is standard input where a file is read, and nothing is read here."""
+    monkeypatch.chdir(tmp_path)
+    assert cli("drive", "backup", "--config", CONFIG, "-").out.startswith("wrote -: ")
+    assert json.loads((tmp_path / "-").read_text(encoding="utf-8"))["values"]
+
+
 @pytest.mark.parametrize(
     "text", ["", "[]", '{"drive": "x", "values": {"6085": "00"}}', '{"drive": "x", "values": {"6085:00": 3}}']
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
@@ -470,3 +471,25 @@ def test_a_command_leaves_when_the_tags_show_that_control_is_free(monkeypatch: p
     axis.close("done")
     assert link.asked == ["take", "give", "left"]
     assert link.tags["authority_client"] == ""
+
+
+@pytest.mark.parametrize(
+    ("signals", "ending"),
+    [(["SIGHUP"], Ending.HUNG_UP), (["SIGINT", "SIGHUP"], Ending.STOPPED), (["SIGINT"], Ending.STOPPED)],
+)
+def test_a_terminal_that_is_lost_behind_ctrl_c_does_not_rename_the_stop(
+    monkeypatch: pytest.MonkeyPatch, signals: list[str], ending: Ending
+) -> None:
+    """Who pressed Ctrl-C has stopped it, though the terminal was closed before the axis stood."""
+    link = Link()
+    axis = axis_of(link, monkeypatch)
+    link.does["move"] = {"at_rest": False}
+    link.looks = [{}, {}, {}, {}, {"at_rest": True}]
+
+    def action(axis: ServiceAxis) -> Any:
+        for name in signals:
+            signal.raise_signal(getattr(signal, name))
+        return axis.move(20.0)
+
+    report, failure = move_command.guarded(axis, action)
+    assert (report and report.ending, failure) == (ending, None)
