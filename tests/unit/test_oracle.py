@@ -314,6 +314,54 @@ def test_a_gear_that_turns_back_gives_the_rotor_so_much_speed_and_no_more(
 
 
 @pytest.mark.parametrize(
+    ("caught_deg_s", "speed_deg_s", "passes"),
+    [(0.76, 0.76, True), (0.76, 0.75, True), (0.60, 0.62, False), (0.76, 0.80, False)],
+)
+def test_a_brake_that_closes_takes_what_a_gear_has_thrown_and_gives_nothing(
+    caught_deg_s: float, speed_deg_s: float, passes: bool
+) -> None:
+    """0.44 deg/s, and 0.325 thrown by 65 N m: a rotor that is faster behind the brake than as it closed is driven."""
+    found: list[Violation] = []
+    axis = AxisOracle(found.append, replace(limits.REFERENCE, untwists_deg_s_per_nm=0.005))
+    alarm = Alarm(Code.CAN_06, 0.0, {}, Reaction.TORQUE_OFF)
+    axis._axis = SimpleNamespace(alarms=SimpleNamespace(active={Code.CAN_06: alarm}))
+    axis.bound, axis._speed_max, axis._rest, axis._sag = True, 0.44, 0.05, math.inf
+    axis.begin(0.0, brake_open=True, energised=True)
+    axis.sample(0.0, 0.0, -65.0, brake_open=True, energised=True)
+    axis.sample(0.0, 0.5, 0.0, brake_open=True, energised=False)
+    axis.sample(0.0, caught_deg_s, 0.0, brake_open=False, energised=False)
+    axis.sample(0.0, speed_deg_s, 0.0, brake_open=False, energised=False)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-3"])
+
+
+@pytest.mark.parametrize(("torque_nm", "passes"), [(65.0, True), (20.0, False)])
+@pytest.mark.parametrize("in_ramp", [False, True])
+def test_a_gear_throws_back_the_rotor_of_a_torque_that_went_before_it_was_told_or_within_a_ramp(
+    in_ramp: bool, torque_nm: float, passes: bool
+) -> None:
+    """65 N m throw it by 0.325 deg/s, 0.049 deg in the 150 ms of the brake; 20 N m by 0.1, and it goes 0.045."""
+    found: list[Violation] = []
+    ways = {StopClass.QUICK: 0.12, StopClass.TORQUE_OFF: 0.019}
+    bounds = replace(limits.REFERENCE, untwists_deg_s_per_nm=0.005, way_deg=lambda kind, _speed: ways[kind])
+    axis = AxisOracle(found.append, bounds)
+    alarm = Alarm(Code.INT_03, 0.0, {}, Reaction.TORQUE_OFF)
+    axis._axis = SimpleNamespace(alarms=SimpleNamespace(active={Code.INT_03: alarm}))
+    axis.bound, axis._rest, axis._sag = True, 0.05, math.inf
+    axis.begin(0.0, brake_open=True, energised=True)
+    begun_deg = 0.1 if in_ramp else 0.0
+    if in_ramp:
+        axis._stop = Stop(alarm, StopClass.QUICK, axis.now(), axis.now())
+    axis.sample(begun_deg, 0.0, -torque_nm, brake_open=True, energised=True)
+    axis.sample(begun_deg, 0.0, 0.0, brake_open=True, energised=False)
+    if not in_ramp:
+        axis._stop = Stop(alarm, StopClass.TORQUE_OFF, axis.now(), axis.now())
+    for ms in range(1, 200):
+        way = begun_deg + 0.3e-3 * min(ms, 149)
+        axis.sample(way, 0.3 if ms < 149 else 0.0, 0.0, brake_open=ms < 150, energised=False)
+    assert [each.invariant for each in found] == ([] if passes else ["INV-1"])
+
+
+@pytest.mark.parametrize(
     ("torque_nm", "moves_ms", "passes"),
     [(65.0, 150, True), (65.0, 180, False), (20.0, 150, False)],
     ids=["thrown back", "goes on behind the closed brake", "no such torque was held"],
