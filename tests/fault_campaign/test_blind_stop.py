@@ -12,8 +12,14 @@ pytestmark = [pytest.mark.can, pytest.mark.slow]
 @pytest.mark.parametrize(
     ("owner", "speed", "spoilt", "most_deg"),
     [
-        # 0.25 s at 2 deg/s (told after 0.1 s, closed 0.15 s later), all torque meanwhile (9 deg/s2), and the brake from
-        # 4 deg/s (9 deg/s2): 0.5 + 0.3 + 0.9 deg. Trusted to the end of its ramp it goes 3.2.
+        # 0.04 s until the stop, and 0.106 s until a speed that grows by 9 deg/s2 shows that; the torque is off 20 ms
+        # later, and the brake has the axis 0.15 s behind that (3.3 deg/s, 9 deg/s2): 0.1 + 0.3 + 0.5 + 0.6 deg. Trusted
+        # to the end of its ramp it goes 5.9 deg.
+        ("drive", 2.0, "A15b", 1.5),
+        ("object_60FE", 2.0, "A15b", 1.5),
+        # The same from 3.5 deg/s: 0.2 + 0.5 + 0.7 + 1.3 deg for 12.8.
+        ("drive", 3.5, "A15b", 2.7),
+        # A reading that stands at once is no ramp: told, or 0.1 s behind the last speed, by the brake.
         ("object_60FE", 2.0, "A2", 1.7),
         # The torque goes after 0.1 s, at 6 deg/s; the brake has the axis 0.15 s later: 0.5 + 0.9 + 2.0 deg.
         ("drive", 5.0, "A15b", 3.4),

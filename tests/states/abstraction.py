@@ -132,6 +132,14 @@ def _rounded(value: float | None) -> float | None:
     return round(value, 4) + 0.0
 
 
+def _unseen_s(watch: RampWatch, roots: Roots) -> object:
+    """Read within the ramp only."""
+    power = roots.axis.power
+    if power.phase is not PowerPhase.QUICK_STOPPING:
+        return None
+    return _rounded(watch.unseen_s(power._count * power._period_s))
+
+
 def _ref_target(virtual: VirtualAxis, _: Roots) -> object:
     """Read only when a motion under way is planned anew."""
     under_way = virtual.following and not virtual.stopping and (not virtual.at_rest or virtual.paused)
@@ -287,8 +295,10 @@ RULES: Final[dict[type, Rules]] = {
     RampWatch: Rules(
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.QUICK_STOPPING,
         number="_vel_start",
+        same="_stands_early",
         count="_over_envelope",
         fixed="_envelope _feedback _period_s _quick_dec _rests",
+        special={"_seen_s": _unseen_s},
     ),
     HoldWatch: Rules(
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.TORQUE_HOLD,

@@ -326,6 +326,11 @@ class Feedback:
         return min(self._speed_age, self.age) * self._period_s
 
     @property
+    def silent(self) -> bool:
+        """No telegram of the drive comes: a speed that is known all the same was asked for."""
+        return min(self.age, self._inputs_age) >= self._old_scans
+
+    @property
     def brake_known(self) -> bool:
         """A contact says whether the brake is open, and its telegram is not too old."""
         return self.brake_contact and self._inputs_age < self._old_scans

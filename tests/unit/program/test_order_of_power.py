@@ -240,6 +240,93 @@ def test_a_ramp_that_nobody_sees_is_ended_by_the_brake_where_that_takes_no_longe
     assert rig.axis.alarms.active["CAN-03"].reaction is Reaction.TORQUE_OFF
 
 
+def asked(rig, speed_deg_s, age=1):
+    """No telegram comes any more, and the speed is read by other means: `speed_deg_s` of the s since CAN-03."""
+    scans, begun, before = 0, None, []
+
+    def without(drive):
+        nonlocal scans, begun
+        scans += 1
+        if begun is None and "CAN-03" in rig.codes:
+            begun = rig.scan - 1
+        before[:] = before or [drive.vel_act_rad_s]
+        told = {
+            "age_scans": scans,
+            "inputs_age_scans": scans,
+            "speed_age_scans": scans,
+            "link": LinkFlag.LATE,
+        }
+        if begun is None:
+            return drive._replace(**told, vel_act_rad_s=before[0])
+        if scans > age:
+            told["speed_age_scans"] = age
+        deg_s = speed_deg_s((rig.scan - begun - age) * rig.period_s)
+        return drive._replace(**told, vel_act_rad_s=rad(deg_s) * RATIO)
+
+    rig.spoil = without
+    rig.until(lambda: "CAN-03" in rig.codes)
+    return rig.scan
+
+
+def times(rig, begun):
+    """When the brake closes and the torque goes off, s since a scan."""
+    rig.until(lambda: not rig.output.brake_open)
+    closes_s = (rig.scan - begun) * rig.period_s
+    rig.until(lambda: rig.output.request is DriveRequest.DISABLE)
+    assert rig.axis.power.phase is P.TORQUE_OFF
+    return closes_s, (rig.scan - begun) * rig.period_s
+
+
+@BOTH
+@pytest.mark.parametrize("period_s", [0.004, 0.010])
+@pytest.mark.parametrize(
+    ("by_drive", "from_deg_s", "speed", "closes_s", "off_s", "codes"),
+    [
+        # It falls as the ramp does: the brake closes for its end, 6 / 5.5 + 0.06 s, and the torque goes as it grips.
+        (False, 6.0, lambda t: max(0.0, 6.0 - 5.5 * t), 1.001, 1.151, []),
+        (True, 6.0, lambda t: max(0.0, 6.0 - 5.5 * t), 1.151, 1.301, []),
+        (True, 2.0, lambda t: max(0.0, 2.0 - 5.5 * t), 0.424, 0.574, []),
+        # It does not fall: 0.5 deg/s above the ramp 0.151 s behind its begin, and told 50 ms later.
+        (False, 6.0, lambda t: 6.0, 0.201, 0.201, ["DRV-07"]),
+        (True, 2.0, lambda t: 2.0, 0.201, 0.201, ["DRV-07"]),
+        # It grows with 9 deg/s2, its sign turned: 0.5 deg/s above the ramp after 0.056 s.
+        (True, 2.0, lambda t: -2.0 - 9.0 * t, 0.106, 0.106, ["DRV-07"]),
+        (False, 2.0, lambda t: 2.0 + 9.0 * t, 0.106, 0.106, ["DRV-07"]),
+        # It stands sooner than any ramp: such a reading shows nothing. The last speed was 30 ms old at the begin.
+        (False, 2.0, lambda t: 0.0, 0.070, 0.220, []),
+        (True, 2.0, lambda t: 0.0, 0.424, 0.574, []),
+        (True, 6.0, lambda t: 5.0 - 5.5 * t, 0.070, 0.070, []),
+        # It is believed for 0.15 s.
+        (False, 2.0, lambda t: (2.0 - 5.5 * t) * (t < 0.15), 0.250, 0.400, []),
+    ],
+)
+def test_a_ramp_whose_speed_is_asked_for_is_judged_by_it(
+    period_s, way, by_drive, from_deg_s, speed, closes_s, off_s, codes
+):
+    ramp_s = 0.78 if by_drive else 0.0
+    rig = Rig(config=settings(period_s=period_s, brake_by_drive=by_drive, unseen_ramp_s=ramp_s))
+    rig.power_up()
+    rig.move(way * 60.0, from_deg_s)
+    rig.run(0.5 + 0.5 * from_deg_s)
+    begun = asked(rig, lambda t: way * speed(t))
+    # Two scans, 2 ms in which 8 scans of 4 ms are later than 30 ms, and the scan of the answer.
+    assert times(rig, begun) == (
+        approx(closes_s, abs=3.01 * period_s + 0.002),
+        approx(off_s, abs=3.01 * period_s + 0.002),
+    )
+    assert rig.codes == ["CAN-03", *codes]
+
+
+def test_a_speed_that_was_asked_for_30_ms_ago_is_not_known():
+    """8 scans of 4 ms: nothing is seen, as without an answer."""
+    rig = Rig(config=settings(period_s=0.004, unseen_ramp_s=0.0))
+    rig.power_up()
+    rig.move(60.0, 6.0)
+    rig.run(3.0)
+    begun = asked(rig, lambda t: max(0.0, 6.0 - 5.5 * t), age=8)
+    assert times(rig, begun) == (approx(0.070, abs=0.009), approx(0.220, abs=0.009))
+
+
 @PERIODS
 @pytest.mark.parametrize(("missing_s", "told_open"), [(0.088, True), (0.130, False)])
 def test_a_brake_that_has_begun_to_end_a_ramp_is_not_opened_as_the_speed_comes_back(

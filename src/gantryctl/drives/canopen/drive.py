@@ -142,7 +142,7 @@ class CanopenDrive:
         )  # fmt: skip
         self.requests = SdoRequests(node)
         self.parameter_watch = ParameterWatch(self.requests, opened.kept, settings.period_s)
-        self._stop_by_sdo = StopBySdo(node, self.requests, settings)
+        self._stop_by_sdo = StopBySdo(node, self.requests, settings, self.process.takes_speed)
         self._supervision = Supervision(node, self.process, self.requests, settings)
         self._brake, self._controlword = BrakeControl(settings), DISABLE_VOLTAGE
         self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import Final
@@ -142,6 +143,8 @@ class ProcessImage:
             node.listen(0x180 + 0x100 * pdo.number + settings.node, self._taker(number, watch))
         for can_id in self._identifiers:
             node.reserve(can_id)
+        # 606C by SDO, while telegrams are missing, and the scan in which it was asked for.
+        self._read_speed, self._read_scan = 0, -math.inf
 
     def _taker(self, number: int, watch: TpdoWatch) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
@@ -164,6 +167,14 @@ class ProcessImage:
     def take_position(self, raw: int) -> None:
         """Take a 6064 that came by SDO while there are no telegrams."""
         self.counts = self._unwrap(self._units.sign * raw)
+
+    @property
+    def takes_speed(self) -> Callable[[int, int], None] | None:
+        """Takes a 606C that was asked for by SDO in a scan; None where the speed comes from 6064."""
+        return self._take_speed if self._has_velocity else None
+
+    def _take_speed(self, raw: int, scan: int) -> None:
+        self._read_speed, self._read_scan = raw, scan
 
     def forget(self) -> None:
         """Invalidate all telegrams until the next ones; the position goes on from where it was."""
@@ -262,7 +273,8 @@ class ProcessImage:
     @property
     def speed_age(self) -> int:
         """Age of 606C, in scans; of a drive without it that of the position, from which the speed comes then."""
-        return self._speed.age if self._has_velocity else self._first.age
+        age = self._speed.age if self._has_velocity else self._first.age
+        return age and int(min(age, self._node.scan - self._read_scan))
 
     @property
     def inputs_age(self) -> int:
@@ -316,7 +328,10 @@ class ProcessImage:
 
     @property
     def vel_rad_s(self) -> float:
-        """606C, or differences of 6064; motor side."""
+        """606C, by telegram or SDO, or differences of 6064; motor side."""
+        age = min(self._speed.age, self._first.age)
+        if age and self._node.scan - self._read_scan < age:
+            return self._read_speed * self._units.rad_s_per_unit
         if self._has_velocity and self._speed.age <= self._first.age:
             return self._raw[m.VELOCITY] * self._units.rad_s_per_unit
         return self._vel_rad_s

@@ -34,6 +34,8 @@ class RampWatch:
         "_period_s",
         "_quick_dec",
         "_rests",
+        "_seen_s",
+        "_stands_early",
         "_vel_start",
     )
 
@@ -48,6 +50,7 @@ class RampWatch:
         """A phase begins."""
         self._over_envelope = 0
         self._vel_start = abs(self._feedback.vel_rad_s)
+        self._stands_early, self._seen_s = False, -self._feedback.speed_age_s
 
     def obeyed(self, elapsed_s: float) -> bool:
         """Judge one scan, with a speed that is known; False with the alarm.
@@ -56,6 +59,11 @@ class RampWatch:
             elapsed_s: since the phase began.
         """
         speed = abs(self._feedback.vel_rad_s)
+        # Slower than its ramp can be nothing is but a reading that stands: such an axis is not seen from then on.
+        least = self._vel_start - self._quick_dec * elapsed_s - self._rests
+        self._stands_early = self._stands_early or speed < least
+        if not self._stands_early:
+            self._seen_s = elapsed_s - self._feedback.speed_age_s
         ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
         rests = elapsed_s > self._vel_start / self._quick_dec + _SETTLED_S
         allowed = self._rests if rests else ramp + self._envelope
@@ -70,6 +78,10 @@ class RampWatch:
     def began_rad_s(self) -> float:
         """Speed with which the phase began, whatever its direction."""
         return self._vel_start
+
+    def unseen_s(self, elapsed_s: float) -> float:
+        """How long ago the last speed was read that may be one of the ramp."""
+        return elapsed_s - self._seen_s
 
     @property
     def left(self) -> bool:

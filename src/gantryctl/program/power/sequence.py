@@ -533,9 +533,11 @@ class PowerSequence:
     def _quick_stopping(self, _pos_rad: float) -> None:
         """Follow the ramp of the drive until it stands."""
         elapsed_s = self._count * self._period_s
-        if not self._feedback.speed_known:
+        if self._feedback.speed_known and not self._ramp.obeyed(elapsed_s):
+            return
+        if not self._feedback.speed_known or self._feedback.silent:
             self._stop_unseen(elapsed_s)
-        elif self._ramp.obeyed(elapsed_s) and self._rest.scan():
+        elif self._rest.scan():
             self._enter(PowerPhase.CLOSING)
 
     def _stop_unseen(self, elapsed_s: float) -> None:
@@ -548,7 +550,7 @@ class PowerSequence:
         close_s, ends_s = self._settings.brake_close_time_s, self._ramp.ends_s
         # A drive that owns its brake closes it at the end of its ramp, or as it takes its torque off.
         begins_s = ends_s - (0.0 if self._drive_owns_brake else close_s)
-        unseen_s = self._feedback.speed_age_s - _UNSEEN_S
+        unseen_s = self._ramp.unseen_s(elapsed_s) - _UNSEEN_S
         if ends_s - elapsed_s <= self._settings.unseen_ramp_s:
             unseen_s = -math.inf
         if elapsed_s >= begins_s or unseen_s >= 0.0:

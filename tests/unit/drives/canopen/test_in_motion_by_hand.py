@@ -127,7 +127,13 @@ class Stop:
         self.wire, self.asked = Wire(), Asked()
         self.node = remote_node(self.wire)
         self.node.state = state
-        self.stop = StopBySdo(self.node, self.asked, settings(brake_owner=owner, period_s=period_s))  # type: ignore[arg-type]
+        self.speeds: list[tuple[int, int]] = []
+        self.stop = StopBySdo(
+            self.node,
+            self.asked,  # type: ignore[arg-type]
+            settings(brake_owner=owner, period_s=period_s),
+            lambda raw, scan: self.speeds.append((raw, scan)),
+        )
 
     def scan(self, word: int, brake: int = 1, *, scans: int = 1, answers: bool = True) -> None:
         for _ in range(scans):
@@ -261,6 +267,88 @@ def test_only_a_state_without_torque_is_shown(word: str, state: DriveState) -> N
     # What it has shown does not count for the next time.
     drive.stop.forget()
     assert drive.stop.state is S.UNKNOWN
+
+
+SPEED = (0x606C, 0)
+
+
+def on_its_ramp(owner: str = "drive") -> Stop:
+    """It has taken the quick stop, and is asked for its speed in scan 100."""
+    drive = Stop(owner)
+    drive.scan(0x02, 0, scans=1 if owner == "drive" else 2)
+    drive.node.scan = 100
+    assert drive.asked.reads == []
+    drive.scan(0x02, 0)
+    drive.asked.waiting = True
+    assert drive.asked.reads == [SPEED]
+    return drive
+
+
+@pytest.mark.parametrize("owner", ["drive", "object_60FE"])
+def test_a_drive_on_its_ramp_is_asked_for_its_speed_again_as_soon_as_it_answers(owner: str) -> None:
+    drive = on_its_ramp(owner)
+    drive.node.scan = 101
+    drive.asked.then(bytes.fromhex("fcffffff"))
+    drive.asked.waiting = False
+    drive.scan(0x02, 0)
+    drive.asked.then(bytes.fromhex("00010000"))
+    assert drive.speeds == [(-4, 100), (256, 101)]
+    # Without torque there is no ramp: then its state is asked for.
+    drive.scan(0x00, 1, scans=40)
+    assert drive.asked.reads[:2] == [SPEED] * 2
+    assert set(drive.asked.reads[2:]) == {(0x6041, 0)}
+
+
+def test_a_word_that_stops_waits_for_no_speed_and_is_waited_for() -> None:
+    drive = on_its_ramp()
+    drive.scan(0x00, answers=False)
+    assert drive.asked.writes[1:] == [(0x6040, 0, "0000")]
+    # For 20 ms, five scans of 4 ms, it is not sent again.
+    drive.scan(0x00, scans=4, answers=False)
+    assert len(drive.asked.writes) == 2
+    drive.scan(0x00, answers=False)
+    assert len(drive.asked.writes) == 3
+
+
+def test_a_speed_that_comes_late_is_as_old_as_the_first_request_for_it() -> None:
+    """It may answer that one: asked for in scan 100, and again five scans of 4 ms later."""
+    drive = on_its_ramp()
+    for scan in range(101, 106):
+        drive.node.scan = scan
+        drive.scan(0x02)
+    assert drive.asked.reads == [SPEED] * 2
+    drive.asked.then(bytes(4))
+    drive.asked.waiting = False
+    drive.node.scan = 106
+    drive.scan(0x02)
+    drive.asked.then(bytes(4))
+    assert drive.speeds == [(0, 100), (0, 106)]
+    # What has not been answered before telegrams came again counts no more.
+    drive.scan(0x02)
+    drive.stop.forget()
+    drive.node.scan = 200
+    drive.scan(0x02, scans=2)
+    drive.asked.then(bytes(4))
+    assert drive.speeds[2:] == [(0, 200)]
+
+
+def test_a_drive_that_refuses_its_speed_is_not_asked_again_in_this_stop() -> None:
+    drive = on_its_ramp()
+    drive.asked.then(None)
+    drive.asked.waiting = False
+    drive.scan(0x02, scans=40)
+    assert drive.asked.reads.count(SPEED) == 1
+    assert drive.speeds == []
+    drive.stop.forget()
+    drive.scan(0x02, scans=2)
+    assert drive.asked.reads.count(SPEED) == 2
+
+
+def test_a_drive_without_a_speed_of_its_own_is_asked_for_its_state_alone() -> None:
+    drive = Stop()
+    drive.stop = StopBySdo(drive.node, drive.asked, settings(brake_owner="drive"))  # type: ignore[arg-type]
+    drive.scan(0x02, scans=40)
+    assert set(drive.asked.reads) == {(0x6041, 0)}
 
 
 # --- nodes beside the drive ---------------------------------------------------------------------------------------

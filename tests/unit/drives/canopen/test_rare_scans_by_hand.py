@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -27,7 +28,7 @@ from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, LinkFlag, OutputImage
-from unit.drives.canopen.canopen_bench import Bench
+from unit.drives.canopen.canopen_bench import SYNC_S, Bench
 from unit.drives.canopen.dictionary import Dictionary, settings
 from unit.drives.canopen.test_in_motion_by_hand import Stop
 from unit.drives.canopen.test_nodes_by_hand import of_cia_401
@@ -184,6 +185,58 @@ def test_a_drive_is_stopped_by_sdo_from_the_second_scan_without_an_answer_on(
     for _ in range(4):
         bench.scan(R.DISABLE)
     assert stops == [2, 3]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["plus", "minus"])
+def test_the_speed_of_a_drive_that_is_not_heard_on_its_ramp_is_read_by_sdo(
+    monkeypatch: pytest.MonkeyPatch, way: float
+) -> None:
+    """From 2 deg/s at 5.5 deg/s2, within what the load swings by; asked for in the scan before."""
+    bench = Bench().open().enable()
+    bench.run(0.25, speed_deg_s=2.0 * way)
+    sent = sent_from_now(bench, monkeypatch, 0x602)
+    bench.scan(R.QUICK_STOP)
+    assert not [
+        data for data in sent if data.startswith("40 6c 60")
+    ]  # a stop whose telegrams come asks nothing
+    deaf(bench, monkeypatch)
+    for since in range(1, 31):
+        seen = bench.scan(R.QUICK_STOP)
+        assert seen.age_scans == since
+        # The words that stop go first, in the second scan; the third asks.
+        assert seen.speed_age_scans == (since if since < 4 else 1)
+        if since >= 4:
+            expected = 2.0 - 5.5 * (since - 3) * SYNC_S
+            assert way * math.degrees(seen.vel_act_rad_s) / bench.ratio == pytest.approx(expected, abs=0.15)
+    bench.drive.close()
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_the_newer_of_telegram_and_sdo_is_the_speed(inverted: bool) -> None:
+    """Minus one turn a second by the telegram of scan 10, two turns a second by SDO, asked for in scan 11."""
+    bus, sign = Telegrams(inverted=inverted), -1 if inverted else 1
+    bus.node.scan = 10
+    seen = bus.sync(*BOTH)
+    for scan, asked, age, turns in ((11, None, 1, -1), (12, 11, 1, 2), (13, None, 2, 2), (17, None, 6, 2)):
+        periods, bus.node.scan = scan - bus.node.scan, scan
+        bus.sync(periods=periods)
+        if asked is not None:
+            assert seen.takes_speed is not None
+            seen.takes_speed(2 * TURN, asked)
+        assert seen.speed_age == age
+        assert seen.vel_rad_s == pytest.approx(sign * turns * math.tau)
+    # A telegram of this scan, and one that is late, but newer.
+    bus.node.scan = 18
+    bus.sync(*BOTH)
+    assert (seen.speed_age, seen.vel_rad_s) == (0, pytest.approx(-sign * math.tau))
+    bus.node.scan = 19
+    bus.sync()
+    seen.takes_speed(2 * TURN, 16)
+    assert (seen.speed_age, seen.vel_rad_s) == (1, pytest.approx(-sign * math.tau))
+
+
+def test_without_606c_the_speed_is_not_asked_for() -> None:
+    assert Telegrams(ALL - {m.VELOCITY}).image.takes_speed is None
 
 
 def test_a_drive_that_says_it_is_not_operational_but_answers_gets_its_heartbeat(

@@ -23,7 +23,8 @@ BUS: Final = (
         "SYNC is lost",
         "own SYNC does not come back for 30 ms, where the interface gives frames back; deadline of "
         "the drive (1400:05); its answers stay away",
-        "quick stop; once the last speed is 0.1 s old the brake too, where that ends no later",
+        "quick stop, judged by the speed that the drive is asked for by SDO (606C); where it answers none for 0.1 s "
+        "the brake too, where that ends no later",
         (Code.CAN_01, Code.CAN_03),
         (
             *at(_TRAFFIC, "test_a_sync_that_never_comes_back_is_lost"),
