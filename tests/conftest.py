@@ -84,9 +84,10 @@ LONGEST = (
 """What takes half a minute to two goes first: at the end one worker would run it alone."""
 
 
-HANGS_AFTER_S = {"fast": 1800.0, "slow": 86_400.0}
+HANGS_AFTER_S = {"fast": 600.0, "slow": 86_400.0}
 """No test has a limit of its own: a busy computer would reach it, and the result would tell of the computer. These
-are for what hangs: the longest fast test takes a minute, the longest slow one hours. `--timeout` stands above them.
+are for what hangs: the longest fast test takes a minute on a quiet computer, the longest slow one hours. `--timeout`
+stands above them.
 """
 
 

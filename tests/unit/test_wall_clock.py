@@ -56,7 +56,7 @@ def test_what_hangs_is_ended_by_one_rule_and_no_test_has_a_limit_of_its_own(
     own = [path for path in tests.rglob("*.py") if marks in path.read_text(encoding="utf-8")]
     assert own == [tests / "conftest.py"]
     limits = [mark.args for mark in request.node.iter_markers("timeout")]
-    assert limits == ([(1800.0,)] if request.config.getoption("timeout") is None else [])
+    assert limits == ([(600.0,)] if request.config.getoption("timeout") is None else [])
 
 
 @pytest.mark.usefixtures("keys")
