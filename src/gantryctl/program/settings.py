@@ -284,8 +284,8 @@ class PowerSettings:
         brake_dec_least_rad_s2: slowest braking by which the highest speed keeps the permitted stopping angle.
         brake_stops_max: stops of a turning axis by the brake, from which on service is due.
         brake_by_drive: the drive works the brake by itself, and opens it as it is enabled.
-        unseen_ramp_s: a ramp of which more is left the brake ends as near as the drive; infinite where the brake is
-            weaker than the ramp.
+        unseen_ramp_s: a ramp of which more is left, and whose speed nobody has seen for 0.1 s, is ended by the brake;
+            infinite for a drive that owns its brake.
         watchdog_falls_s: a controller that was held up for so long may have let its watchdog relay fall, and the brake
             and the torque with it; infinite without a relay.
         untestable: why the brake cannot be tested by the controller, or nothing.

@@ -10,7 +10,6 @@ from typing import Final
 
 from gantryctl import _core
 from gantryctl.machine import Machine
-from gantryctl.machine.rules.reaction import braking_dec_deg_s2, sinking_acc_deg_s2
 from gantryctl.machine.tables.axis import VirtualAxisTable
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
@@ -220,19 +219,12 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
 
 
 def _unseen_ramp_s(machine: Machine) -> float:
-    """How much of a ramp must be left for the brake to end it no later.
+    """How much of a ramp that nobody sees must be left for the brake to end it; see `PowerSettings`.
 
-    Of deceleration a: with the speed u = a s at the begin of the last s seconds the ramp takes u^2 / 2a. A drive that
-    owns its brake takes its torque off first: u t + u^2 / 2b, where the brake comes after t. Every other brake closes
-    within the ramp. Both against the eccentric moment of the check.
+    A brake of the controller closes within any ramp. A drive that owns its brake takes its torque off first, and how
+    far the load goes then is in [plant], which nothing that controls may read: its ramp is trusted.
     """
-    ramp = machine.virtual_axis.quick_dec_deg_s2
-    brake = braking_dec_deg_s2(machine) - sinking_acc_deg_s2(machine)
-    if brake <= ramp:
-        return math.inf
-    if not (machine.on_bus and machine.brake.owner == "drive"):
-        return 0.0
-    return 2.0 * machine.brake.close_time_ms * _MS / (1.0 - ramp / brake)
+    return math.inf if machine.on_bus and machine.brake.owner == "drive" else 0.0
 
 
 def _watchdog_falls_s(machine: Machine) -> float:

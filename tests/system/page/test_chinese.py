@@ -120,8 +120,10 @@ def test_a_stop_and_a_refusal_are_told_in_chinese(
     expect(detail.first).to_contain_text("操作员要求快速停止")
     assert english(" ".join(detail.all_inner_texts()[:4])) == []
     page.locator("#tab-operation").click()
-    page.get_by_role("button", name="上电").click()
-    expect(page.get_by_test_id("note")).to_contain_text("INT-06 已锁存（操作员要求快速停止")
-    assert english(page.get_by_test_id("note").inner_text().replace("PWR", "").replace("INT", "")) == []
+    # Power is not offered beside a latched alarm, and the reason stands there.
+    expect(page.get_by_role("button", name="上电")).to_be_disabled()
+    why = page.locator("#power-why")
+    expect(why).to_contain_text("INT-06 已锁存（操作员要求快速停止")
+    assert english(why.inner_text().replace("PWR", "").replace("INT", "")) == []
     page.get_by_role("button", name="复位").click()
     watcher.until(lambda tags: tags["alarm_count"] == 0)

@@ -210,7 +210,7 @@ def test_the_way_of_an_axis_in_service_is_told_in_degrees(monkeypatch: pytest.Mo
     kept = Retained("m", "h", travelled_rad=6.283185307)
     tags = {
         "machine": "m", "axis_state": "disabled", "pos_act_deg": 1.0, "position_valid": True, "alarms": [],
-        "quick_dec_deg_s2": 2.0, "config_hash": "h",
+        "quick_dec_deg_s2": 2.0, "config_hash": "h", "alarm_history": [],
     }  # fmt: skip
     monkeypatch.setattr(service_state, "ServiceLink", lambda _: nullcontext(SimpleNamespace(tags=tags)))
     monkeypatch.setattr(service_state, "RetainedMemory", lambda _: SimpleNamespace(load=lambda: kept))

@@ -20,7 +20,7 @@ import pytest
 
 from gantryctl.image import DigitalInputs, DriveState, LinkHealth, Mode, NodeHealth
 from gantryctl.machine import with_values
-from gantryctl.motion import cruise, hold
+from gantryctl.motion import MotionLimits, SetPoint, cruise, hold, plan_move
 from gantryctl.operation.store import TIME_FORMAT
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.program.alarms.log import refusal
@@ -69,7 +69,10 @@ def set_apart(desk: Desk) -> None:
     axis.refusal = refusal(Code.CTL_14, reason=Words.NO_JOURNAL)
     virtual.following, virtual.at_rest = True, False
     virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2 = 42.0 * DEG, -3.0 * DEG, 0.2 * DEG
-    virtual.plan, virtual.start_scan = hold(-17.0 * DEG), engine.scan + round(9.5 / engine.period_s)
+    # 59 deg take 11.8 s at 5 deg/s and 10 s more for two ramps of 0.5 deg/s2.
+    ramps = MotionLimits(5.0 * DEG, 0.5 * DEG, 0.5 * DEG)
+    virtual.plan = plan_move(SetPoint(42.0 * DEG, 0.0, 0.0), -17.0 * DEG, ramps)
+    virtual.start_scan = engine.scan + round((9.5 - virtual.plan.duration) / engine.period_s)
     virtual.override, desk.operator.program._speed = 0.8, 5.0 * DEG
     virtual.ramps = replace(virtual.ramps, acc_rad_s2=0.3 * DEG)
     feedback.vel_rad_s, feedback.torque_nm, feedback.overload = -2.5 * DEG, -77.0, 0.25
@@ -395,7 +398,7 @@ def test_a_motion_without_an_end_has_no_target_and_no_time(desk: Desk) -> None:
 
 
 def test_a_motion_that_is_over_has_no_time_left(desk: Desk) -> None:
-    desk.axis.virtual.start_scan = desk.engine.scan - 700
+    desk.axis.virtual.start_scan = desk.engine.scan - round(21.9 / desk.engine.period_s)
     assert published(desk)["time_left_s"] == 0.0
 
 
