@@ -556,9 +556,8 @@ class PowerSequence:
         if elapsed_s >= begins_s or unseen_s >= 0.0:
             self.brake_open = False
         off = elapsed_s > max(0.0, begins_s) + close_s
-        first = self._alarms.first_out
-        if first is not None and (off or unseen_s >= (0.0 if self._drive_owns_brake else close_s)):
-            self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
+        if off or unseen_s >= (0.0 if self._drive_owns_brake else close_s):
+            self._tell_torque_off()
 
     def _torque_off(self, _pos_rad: float) -> None:
         self.wear.scan()
